@@ -1,0 +1,1 @@
+"""Benchmark runs behind `furcl bench`."""
