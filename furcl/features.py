@@ -1,0 +1,82 @@
+"""What a scene needs of the kernels: the one source of `-D FURCL_*`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
+ENVIRONMENTS = ("constant", "sky", "image")
+FILTERS = ("box", "tent", "gaussian")
+LOBES = ("R", "TT", "TRT", "TTs", "TRTs")
+
+
+@dataclass(frozen=True)
+class Features:
+    """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
+
+    Attributes
+    ----------
+    sampling : str              one of SAMPLERS
+    channels : int              3 for RGB, 1 where fibre, body and light are grey
+    medulla : bool              rays may cross a medulla that absorbs or scatters
+    scattered : bool            lobes TT^s and TRT^s (kappa > 0 and sigma_ms > 0)
+    profile_channels : int      channels of medulla absorption in the profiles: 0, 1 or 3
+    layered : bool              cuticle other than a plain interface (layers != 1/2)
+    tilt : bool                 alpha != 0
+    residual : bool             lobe TRRT+ that closes the furnace
+    environment : str           one of ENVIRONMENTS
+    light_sampling : bool       the environment is sampled too (MIS)
+    body : bool                 an ellipsoid inside the groom
+    lens : bool                 camera with a finite aperture
+    filter : str                one of FILTERS
+    roulette : bool             Russian roulette within the depth limit
+    variance : bool             film keeps second moments
+    statistics : bool           counters of lobes and path lengths
+    debug : bool                index checks in every buffer access that has one
+    """
+
+    sampling: str = "full-cdf"
+    channels: int = 3
+    medulla: bool = True
+    scattered: bool = True
+    profile_channels: int = 3
+    layered: bool = True
+    tilt: bool = True
+    residual: bool = False
+    environment: str = "constant"
+    light_sampling: bool = False
+    body: bool = False
+    lens: bool = False
+    filter: str = "gaussian"
+    roulette: bool = True
+    variance: bool = True
+    statistics: bool = True
+    debug: bool = False
+
+    @property
+    def n_lobes(self) -> int:
+        """Planes of the lobe tables: the five lobes in fixed order, then the residual."""
+        return 6 if self.residual else 5
+
+    def defines(self) -> dict[str, int]:
+        """Names and values of the preprocessor defines, all prefixed FURCL_."""
+        values: dict[str, int] = {}
+        for name, value in asdict(self).items():
+            if name == "sampling":
+                value = SAMPLERS.index(value)
+            elif name == "environment":
+                value = ENVIRONMENTS.index(value)
+            elif name == "filter":
+                value = FILTERS.index(value)
+            values[f"FURCL_{name.upper()}"] = int(value)
+        values["FURCL_LOBES"] = self.n_lobes
+        return values
+
+    def with_(self, **changes: Any) -> Features:
+        """A copy with some fields changed."""
+        return replace(self, **changes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON and image headers."""
+        return asdict(self)

@@ -1,0 +1,219 @@
+"""The one list of what crosses to the device: structs, planes of path state, constants.
+
+`device_text(features)` is the virtual include "layout.clh"; the numpy dtypes of the same names are
+what the host fills. Structs hold 4-byte scalars and float4 only, so one dtype is valid on every
+device; `check_structs` asks the device and refuses any difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from furcl.errors import LayoutError
+from furcl.features import Features
+
+NO_SEGMENT = 0xFFFFFFFF
+BODY_SEGMENT = 0xFFFFFFFE
+
+# Attenuation tables (SPEC 4.2-4.3): rows over |theta|, bins over |h|; 100 bins of |h| are the
+# paper's 200 bins of h, A being even in h.
+TABLE_ROWS = 32
+TABLE_BINS = 100
+
+# Medulla profiles (SPEC 2.6).
+PROFILE_TAUS = 4
+PROFILE_OFFSETS = 32
+PROFILE_PHIS = 128
+PROFILE_THETAS = 16
+PROFILE_SINES = 64
+
+CONSTANTS = {
+    "NO_SEGMENT": f"{NO_SEGMENT:#x}u",
+    "BODY_SEGMENT": f"{BODY_SEGMENT:#x}u",
+    "TABLE_ROWS": TABLE_ROWS,
+    "TABLE_BINS": TABLE_BINS,
+    "PROFILE_TAUS": PROFILE_TAUS,
+    "PROFILE_OFFSETS": PROFILE_OFFSETS,
+    "PROFILE_PHIS": PROFILE_PHIS,
+    "PROFILE_THETAS": PROFILE_THETAS,
+    "PROFILE_SINES": PROFILE_SINES,
+}
+
+# Every struct: field name and OpenCL type. Sizes are multiples of 16 bytes.
+STRUCTS: dict[str, list[tuple[str, str]]] = {
+    "FibreParams": [
+        ("sigma_ca", "float4"),  # cortex absorption per fibre radius, one value a channel
+        ("sigma_ma", "float4"),  # medulla absorption
+        ("eta", "float"),
+        ("eta_sq_minus_one", "float"),  # formed in float64: no cancellation near eta = 1
+        ("kappa", "float"),
+        ("one_minus_kappa", "float"),
+        ("sigma_ms", "float"),
+        ("layers", "float"),
+        ("tilt", "float"),  # a <= 0 [rad], SPEC 2.3
+        ("beta_m", "float"),
+        ("beta_n", "float"),
+        ("sin_tilt", "float"),
+        ("cos_tilt", "float"),
+        ("inv_tau_step", "float"),  # nodes of cos(theta_t) per unit, SPEC 2.6
+    ],
+    "Camera": [
+        ("origin", "float4"),
+        ("right", "float4"),  # scaled so that x in [-1, 1] spans the film
+        ("up", "float4"),  # scaled likewise
+        ("forward", "float4"),  # unit
+        ("aperture_radius", "float"),
+        ("focus_distance", "float"),
+        ("filter_radius_px", "float"),
+        ("unused", "float"),
+    ],
+    "Wave": [
+        ("width", "uint"),
+        ("height", "uint"),
+        ("first_path_low", "uint"),  # index of the wave's first path: sample * pixels + pixel
+        ("first_path_high", "uint"),
+        ("n_paths", "uint"),
+        ("n_slots", "uint"),  # stride of a plane
+        ("seed", "uint"),
+        ("first_sample", "uint"),  # of this call; film adds samples from here on
+        ("roulette_depth", "uint"),
+        ("max_depth", "uint"),
+        ("environment_scale", "float"),
+        ("unused", "float"),
+    ],
+    "Body": [
+        ("centre", "float4"),
+        ("inv_radii", "float4"),
+        ("albedo", "float4"),
+    ],
+}
+
+_NUMPY_TYPES = {"float": np.float32, "uint": np.uint32, "float4": (np.float32, 4)}
+
+
+def struct_dtype(name: str) -> np.dtype:
+    """The numpy dtype of a struct of STRUCTS."""
+    return np.dtype([(field, _NUMPY_TYPES[kind]) for field, kind in STRUCTS[name]])
+
+
+@dataclass(frozen=True)
+class Plane:
+    """One field of the path state.
+
+    width is a number of planes or "spectrum" (Features.channels planes); `when` says for which
+    features the field exists at all.
+    """
+
+    name: str
+    kind: str
+    width: int | str
+    when: Callable[[Features], bool] = lambda _: True
+
+
+PATH_STATE = (
+    Plane("ORIGIN", "float", 3),
+    Plane("DIR", "float", 3),  # unit
+    Plane("SKIP_SEGMENT", "uint", 1),  # segment that the ray leaves; NO_SEGMENT for camera rays
+    Plane("SKIP_DISTANCE", "float", 1),  # nearer hits on that strand are inside the fibre
+    Plane("HIT_T", "float", 1),
+    Plane("HIT_SEGMENT", "uint", 1),  # first vertex of the segment, NO_SEGMENT or BODY_SEGMENT
+    Plane("HIT_U", "float", 1),  # along the segment, 0..1
+    Plane("THROUGHPUT", "float", "spectrum"),
+    Plane("RADIANCE", "float", "spectrum"),
+    Plane("LOBE", "uint", 1),
+    Plane("OFFSET_H", "float", 1),
+    Plane("JOINT", "float", 1),  # q(lobe, h)
+    Plane("DIR_PDF", "float", 1, lambda f: f.light_sampling),  # q(p,h) p(w|p,h) / f(h); 0: camera
+    Plane("SHADOW_DIR", "float", 3, lambda f: f.light_sampling),
+    Plane("SHADOW_RADIANCE", "float", "spectrum", lambda f: f.light_sampling),
+)
+
+
+def planes(features: Features) -> list[str]:
+    """Names of the planes in memory order, e.g. ORIGIN_X, ORIGIN_Y, ORIGIN_Z, DIR_X, ..."""
+    names = []
+    for plane in PATH_STATE:
+        if not plane.when(features):
+            continue
+        width = features.channels if plane.width == "spectrum" else int(plane.width)
+        if width == 1:
+            names.append(plane.name)
+        else:
+            names += [f"{plane.name}_{axis}" for axis in "XYZ"[:width]]
+    return names
+
+
+def device_text(features: Features) -> str:
+    """The OpenCL text of "layout.clh": constants, structs, planes and their accessors."""
+    lines = [f"#define FURCL_{name} {value}" for name, value in CONSTANTS.items()]
+    for name, fields in STRUCTS.items():
+        body = " ".join(f"{kind} {field};" for field, kind in fields)
+        lines.append(f"typedef struct {{ {body} }} {name};")
+    names = planes(features)
+    for plane in PATH_STATE:
+        if plane.width == "spectrum" and plane.when(features) and features.channels == 1:
+            continue
+        first = f"{plane.name}_X"
+        if first in names:
+            lines.append(f"#define PS_{plane.name} PS_{first}")
+    lines.append("enum { " + ", ".join(f"PS_{name}" for name in names) + ", PS_COUNT };")
+    lines += [
+        "/* State is __global float* state with planes of n_slots each. */",
+        "#define PS_F(name, slot) state[(size_t)PS_##name * n_slots + (slot)]",
+        "#define PS_U(name, slot) (((__global uint*)state)[(size_t)PS_##name * n_slots + (slot)])",
+        "#define PS_LOAD3(name, slot) ((float3)(PS_F(name##_X, slot), PS_F(name##_Y, slot), "
+        "PS_F(name##_Z, slot)))",
+        "#define PS_STORE3(name, slot, v) do { const float3 ps_v = (v); "
+        "PS_F(name##_X, slot) = ps_v.x; PS_F(name##_Y, slot) = ps_v.y; "
+        "PS_F(name##_Z, slot) = ps_v.z; } while (0)",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def check_structs_text() -> str:
+    """OpenCL text of the kernel `struct_offsets`: sizes and field offsets as the device sees them."""
+    writes = []
+    for name, fields in STRUCTS.items():
+        writes.append(f"out[n++] = sizeof({name});")
+        writes += [
+            f"{{ {name} s; out[n++] = (uint)((char*)&s.{field} - (char*)&s); }}" for field, _ in fields
+        ]
+    return (
+        "__kernel void struct_offsets(__global uint* out)\n{\n    uint n = 0;\n    "
+        + "\n    ".join(writes)
+        + "\n}\n"
+    )
+
+
+def check_structs(found: np.ndarray) -> None:
+    """Compare what `struct_offsets` wrote with the numpy dtypes.
+
+    Parameters
+    ----------
+    found : (n_struct_words(),) uint32
+
+    Raises
+    ------
+    LayoutError     if the device's layout of a struct is not the host's
+    """
+    expected = struct_words()
+    if not np.array_equal(found, expected):
+        raise LayoutError(
+            f"the device lays structs out as {found.tolist()} (size, then field offsets, of "
+            f"{', '.join(STRUCTS)}), the host as {expected.tolist()}; furcl allows no padding: "
+            f"report this device"
+        )
+
+
+def struct_words() -> np.ndarray:
+    """Size and field offsets [bytes] of every struct, in the order of `struct_offsets`."""
+    words: list[int] = []
+    for name in STRUCTS:
+        dtype = struct_dtype(name)
+        fields = dtype.fields
+        assert fields is not None
+        words += [dtype.itemsize, *(fields[field][1] for field, _ in STRUCTS[name])]
+    return np.array(words, np.uint32)

@@ -1,0 +1,128 @@
+"""Kernel sources: include expansion, defines, build and cache."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import logging
+import os
+import re
+import time
+from pathlib import Path
+
+import pyopencl as cl
+
+from furcl import layout
+from furcl.device import Device
+from furcl.errors import KernelBuildError
+from furcl.features import Features
+
+log = logging.getLogger(__name__)
+
+_INCLUDE = re.compile(r'^\s*#\s*include\s+["<]([^">]+)[">]\s*$')
+
+
+def kernel_folder() -> Path:
+    """Where the .cl files are: beside this file in a wheel, at the root in a checkout."""
+    packaged = Path(__file__).parent / "kernels"
+    return packaged if packaged.is_dir() else Path(__file__).parents[1] / "kernels"
+
+
+def _random123_folder() -> Path:
+    return Path(cl.__file__).parent / "cl"
+
+
+def expand(name: str, features: Features, folder: Path | None = None) -> str:
+    """The text of a kernel file with every #include replaced by what it names.
+
+    Caches of OpenCL runtimes hash the text that they are given, not the files that it includes;
+    given the whole text they cannot return a stale kernel. Each file is included once.
+
+    Raises
+    ------
+    KernelBuildError    if an include is not found, naming the file and line that asks for it
+    """
+    folder = folder or kernel_folder()
+    seen: set[str] = set()
+
+    def find(include: str) -> str | None:
+        if include == "layout.clh":
+            return layout.device_text(features)
+        for base in (folder, folder / "include", _random123_folder()):
+            if (base / include).is_file():
+                return (base / include).read_text()
+        return None
+
+    def walk(include: str, asked_by: str) -> list[str]:
+        if include in seen:
+            return []
+        text = find(include)
+        if text is None:
+            raise KernelBuildError(
+                f"{asked_by}: #include {include!r} is not found in {folder}, its include folder or "
+                f"pyopencl's; check the spelling"
+            )
+        seen.add(include)
+        lines = [f'#line 1 "{include}"']
+        for number, line in enumerate(text.splitlines(), 1):
+            match = _INCLUDE.match(line)
+            if not match:
+                lines.append(line)
+                continue
+            beside = str(Path(include).parent / match[1])
+            target = beside if find(beside) is not None else match[1]
+            if find(target) is None and include.startswith("pyopencl-"):
+                lines.append(line)  # a C header in a branch of Random123 that OpenCL never takes
+                continue
+            lines += walk(target, f"{include}:{number}")
+            lines.append(f'#line {number + 1} "{include}"')
+        return lines
+
+    return "\n".join(walk(name, name)) + "\n"
+
+
+def source(name: str, features: Features, extra_defines: dict[str, int] | None = None) -> str:
+    """Defines followed by the expanded text: all that decides what a kernel does."""
+    defines = {**features.defines(), **(extra_defines or {})}
+    head = "".join(f"#define {key} {value}\n" for key, value in sorted(defines.items()))
+    return head + expand(name, features)
+
+
+OPTIONS = ("-cl-std=CL1.2", "-Werror")
+
+
+def build(
+    device: Device,
+    name: str,
+    features: Features,
+    extra_defines: dict[str, int] | None = None,
+) -> cl.Program:
+    """Build kernels/`name` for `features` on a device.
+
+    The same text on the same device is built once a process. Between processes the runtime's own
+    cache serves, keyed by the whole text. FURCL_DUMP=DIR writes each text there.
+
+    Raises
+    ------
+    KernelBuildError    with the compiler's log, the features and where the text is
+    """
+    return _build(device, name, source(name, features, extra_defines), features)
+
+
+@functools.lru_cache(maxsize=256)
+def _build(device: Device, name: str, text: str, features: Features) -> cl.Program:
+    dump = os.environ.get("FURCL_DUMP")
+    key = hashlib.sha256(text.encode()).hexdigest()[:12]
+    if dump:
+        Path(dump).mkdir(parents=True, exist_ok=True)
+        (Path(dump) / f"{name}.{key}.cl").write_text(text)
+    start = time.perf_counter()
+    try:
+        program = cl.Program(device.context, text).build(list(OPTIONS), cache_dir=False)
+    except cl.Error as error:
+        raise KernelBuildError(
+            f"{name} does not compile on {device.name} ({device.platform}) with {features}; "
+            f"FURCL_DUMP=DIR writes the text. The compiler says:\n{error}"
+        ) from error
+    log.debug("built %s in %.2f s", name, time.perf_counter() - start)
+    return program
