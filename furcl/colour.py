@@ -1,8 +1,9 @@
 """Hair pigment and display colour.
 
-Pigment gives the cortex absorption ``sigma_ca`` per fibre *radius*. Chiang et al. describe their coefficients as measured
-against the fibre's diameter, but their path length for one crossing is ``2 cos(gamma_t) / cos(theta_t)`` on a cylinder of
-radius one, so that their numbers are per radius; they are used here unchanged.
+Pigment gives the cortex absorption ``sigma_ca`` per fibre *radius*. Chiang et al. describe their
+coefficients as measured against the fibre's diameter, but their path length for one crossing is ``2
+cos(gamma_t) / cos(theta_t)`` on a cylinder of radius one, so that their numbers are per radius;
+they are used here unchanged.
 
 Colours are linear with Rec.709 primaries unless a name says sRGB.
 """
@@ -66,9 +67,9 @@ def sigma_ca_from_colour(colour: Sequence[float], beta_n_deg: float) -> Triple:
     ------
     FibreError             a channel or the roughness outside its range
 
-    Source: Chiang et al. 2016, the fit of sigma_a to albedo. It was made for fibres without a medulla, so a groom with one
-    comes out paler or greyer than asked for. Their roughness parameter is taken from ``beta_n_deg`` by equal standard
-    deviation, see `chiang_roughness`.
+    Source: Chiang et al. 2016, the fit of sigma_a to albedo. It was made for fibres without a
+    medulla, so a groom with one comes out paler or greyer than asked for. Their roughness parameter
+    is taken from ``beta_n_deg`` by equal standard deviation, see `chiang_roughness`.
     """
     values = [float(c) for c in colour]
     if len(values) != 3 or not all(1e-6 <= c <= 1.0 for c in values):
@@ -82,7 +83,8 @@ def sigma_ca_from_colour(colour: Sequence[float], beta_n_deg: float) -> Triple:
 
 
 def colour_from_sigma_ca(sigma_ca: Sequence[float], beta_n_deg: float) -> Triple:
-    """Inverse of `sigma_ca_from_colour`: (r, g, b) albedo in 0..1 of absorption >= 0 per fibre radius."""
+    """Inverse of `sigma_ca_from_colour`: (r, g, b) albedo in 0..1 of absorption >= 0 per fibre
+    radius."""
     if len(sigma_ca) != 3 or not all(0.0 <= s <= 1e4 for s in sigma_ca):
         raise FibreError(
             f"fibre.sigma_ca = {list(sigma_ca)} - allowed are three values from 0 to 1e4 - "
@@ -94,10 +96,12 @@ def colour_from_sigma_ca(sigma_ca: Sequence[float], beta_n_deg: float) -> Triple
 
 
 def chiang_roughness(beta_n_deg: float) -> float:
-    """Azimuthal roughness parameter in 0..1 of Chiang et al. whose logistic has the standard deviation ``beta_n_deg``.
+    """Azimuthal roughness parameter in 0..1 of Chiang et al. whose logistic has the standard
+    deviation ``beta_n_deg``.
 
-    The logistic's scale is sqrt(pi/8) (0.265 b + 1.194 b^2 + 5.372 b^22), its standard deviation pi/sqrt(3) times that; it
-    rises with b, so the inverse is found by bisection. ``FibreError`` if ``beta_n_deg`` is outside 0.06..143.
+    The logistic's scale is sqrt(pi/8) (0.265 b + 1.194 b^2 + 5.372 b^22), its standard deviation
+    pi/sqrt(3) times that; it rises with b, so the inverse is found by bisection. ``FibreError`` if
+    ``beta_n_deg`` is outside 0.06..143.
     """
     if not 0.06 <= beta_n_deg <= 143.0:
         raise FibreError(

@@ -32,14 +32,15 @@ _COLOURS = ("sigma_ca", "sigma_ma")
 class Fibre:
     """A fibre of cuticle, cortex and medulla (double cylinder).
 
-    Sigmas are per fibre radius, so a fibre looks the same at any scale. The defaults are a clear fibre without a medulla.
+    Sigmas are per fibre radius, so a fibre looks the same at any scale. The defaults are a clear
+    fibre without a medulla.
 
     Parameters
     ----------
     eta : float         index of refraction, inside over outside, 1.0001..3
     kappa : float       medulla radius over fibre radius, 0..1 (0 = no medulla)
-    alpha_deg : float   tilt of the cuticle scales [deg], -20..20; published values carry either sign, so the sign is ignored:
-                        the highlight R always moves towards the root
+    alpha_deg : float   tilt of the cuticle scales [deg], -20..20; published values carry either
+                        sign, so the sign is ignored: R always moves towards the root
     beta_m_deg : float  longitudinal roughness, standard deviation of R [deg], 0.06..143
     beta_n_deg : float  azimuthal roughness, standard deviation of R [deg], 0.06..143
     sigma_ca : (r,g,b)  absorption of the cortex, 0..1e4; one number stands for three equal ones
@@ -75,16 +76,20 @@ class Fibre:
     def preset(cls, name: str, **changes: Any) -> "Fibre":
         """The fibre called `name`, with `changes` to its parameters.
 
-        Fitted to the lobe shares printed by Shibaike and Iwasaki (their tables 2 to 4; alpha, the betas and g do not enter
-        the shares and are plausible values): ``human-white``, ``human-black``, ``raccoon``.
-        Second-hand, a scene's comment that quotes the measured table of Yan et al. 2017: ``red-fox``.
-        Unlabelled, defaults of re-implementations that name no species: ``unlabelled-a``, ``unlabelled-b``.
-        Human hair by pigment, the geometry of human-white with concentrations chosen here: ``black``, ``brown``,
-        ``blond``, ``red``; ``white`` is human-white.
+        Fitted to the lobe shares printed by Shibaike and Iwasaki (their tables 2 to 4; alpha, the
+        betas and g do not enter the shares and are plausible values): ``human-white``,
+        ``human-black``, ``raccoon``.
+        Second-hand, a scene's comment that quotes the measured table of Yan et al. 2017:
+        ``red-fox``.
+        Unlabelled, defaults of re-implementations that name no species: ``unlabelled-a``,
+        ``unlabelled-b``.
+        Human hair by pigment, the geometry of human-white with concentrations chosen here:
+        ``black``, ``brown``, ``blond``, ``red``; ``white`` is human-white.
 
         Raises
         ------
-        FibreError   unknown name (the nearest one is given), unknown parameter or value outside its range
+        FibreError   unknown name (the nearest one is given), unknown parameter, or value outside
+                     its range
         """
         if name not in _PRESETS:
             near = difflib.get_close_matches(name.lower().replace("_", "-"), _PRESETS, 1, 0.0)
@@ -188,18 +193,86 @@ _FITTED = (
     "alpha, beta and g are plausible values"
 )
 _HUMAN_WHITE = Fibre(
-    kappa=0.41, eta=1.56, alpha_deg=3, beta_m_deg=6, beta_n_deg=8, sigma_ca=(0.41, 0.41, 0.41),
-    sigma_ms=2.14, sigma_ma=(0, 0, 0), g=0.3, layers=0.40,
+    kappa=0.41,
+    eta=1.56,
+    alpha_deg=3,
+    beta_m_deg=6,
+    beta_n_deg=8,
+    sigma_ca=(0.41, 0.41, 0.41),
+    sigma_ms=2.14,
+    g=0.3,
+    layers=0.40,
     provenance=_FITTED + "; sigma_ca 0.41 is printed there",
-)  # fmt: skip
+)
+_RACCOON = Fibre(
+    kappa=0.64,
+    eta=1.452,
+    alpha_deg=3,
+    beta_m_deg=8,
+    beta_n_deg=10,
+    sigma_ca=(0.05, 0.05, 0.05),
+    sigma_ms=1.564,
+    sigma_ma=(0.392, 0.392, 0.392),
+    g=0.4,
+    layers=0.736,
+    provenance=_FITTED,
+)
+_RED_FOX = Fibre(
+    kappa=0.86,
+    eta=1.49,
+    alpha_deg=2.64,
+    beta_m_deg=9.45,
+    beta_n_deg=17.63,
+    sigma_ca=(0.39, 0.39, 0.39),
+    sigma_ms=3.15,
+    sigma_ma=(0.21, 0.21, 0.21),
+    g=0.79,
+    layers=0.68,
+    provenance=(
+        "second-hand: a comment in a student renderer's scene that quotes the measured table of "
+        "Yan et al. 2017"
+    ),
+)
+_UNLABELLED_A = Fibre(
+    kappa=0.88,
+    eta=1.55,
+    alpha_deg=5.48,
+    beta_m_deg=11.64,
+    beta_n_deg=7.49,
+    sigma_ca=(0.64, 0.64, 0.64),
+    sigma_ms=1.69,
+    sigma_ma=(0.17, 0.17, 0.17),
+    g=0.44,
+    layers=0.47,
+    provenance=(
+        "unlabelled: defaults of the YanFur plugin; they look like a fitted row, the species is "
+        "not stated; medium confidence"
+    ),
+)
+_UNLABELLED_B = Fibre(
+    kappa=0.65,
+    eta=1.19,
+    alpha_deg=1.81,
+    beta_m_deg=7.44,
+    beta_n_deg=6.88,
+    sigma_ca=(0.12, 0.25, 0.37),
+    sigma_ms=2.30,
+    sigma_ma=(0.14, 0.14, 0.14),
+    g=0.08,
+    layers=2,
+    provenance=(
+        "unlabelled: a set commented out in a student renderer; eta and layers look changed by "
+        "hand; low confidence"
+    ),
+)
 
 
 def _pigmented(eumelanin: float, pheomelanin: float) -> Fibre:
     return _HUMAN_WHITE.replace(
         sigma_ca=sigma_ca_from_melanin(eumelanin, pheomelanin),
         provenance=(
-            f"chosen here: human-white with eumelanin {eumelanin:g} and pheomelanin {pheomelanin:g} "
-            "(coefficients of Chiang et al. 2016)"
+            f"chosen here: human-white with eumelanin {eumelanin:g} and pheomelanin "
+            f"{pheomelanin:g} (coefficients of Chiang et al. 2016)"
         ),
     )
 
@@ -209,31 +282,13 @@ _PRESETS: dict[str, Fibre] = {
     "human-black": _HUMAN_WHITE.replace(
         sigma_ca=4.10, provenance=_FITTED + "; human-white with the printed sigma_ca 4.10"
     ),
-    "raccoon": Fibre(
-        kappa=0.64, eta=1.452, alpha_deg=3, beta_m_deg=8, beta_n_deg=10, sigma_ca=(0.05, 0.05, 0.05),
-        sigma_ms=1.564, sigma_ma=(0.392, 0.392, 0.392), g=0.4, layers=0.736, provenance=_FITTED,
-    ),
-    "red-fox": Fibre(
-        kappa=0.86, eta=1.49, alpha_deg=2.64, beta_m_deg=9.45, beta_n_deg=17.63,
-        sigma_ca=(0.39, 0.39, 0.39), sigma_ms=3.15, sigma_ma=(0.21, 0.21, 0.21), g=0.79, layers=0.68,
-        provenance="second-hand: a comment in a student renderer's scene that quotes the measured "
-        "table of Yan et al. 2017",
-    ),
-    "unlabelled-a": Fibre(
-        kappa=0.88, eta=1.55, alpha_deg=5.48, beta_m_deg=11.64, beta_n_deg=7.49,
-        sigma_ca=(0.64, 0.64, 0.64), sigma_ms=1.69, sigma_ma=(0.17, 0.17, 0.17), g=0.44, layers=0.47,
-        provenance="unlabelled: defaults of the YanFur plugin; they look like a fitted row, the "
-        "species is not stated; medium confidence",
-    ),
-    "unlabelled-b": Fibre(
-        kappa=0.65, eta=1.19, alpha_deg=1.81, beta_m_deg=7.44, beta_n_deg=6.88,
-        sigma_ca=(0.12, 0.25, 0.37), sigma_ms=2.30, sigma_ma=(0.14, 0.14, 0.14), g=0.08, layers=2,
-        provenance="unlabelled: a set commented out in a student renderer; eta and layers look "
-        "changed by hand; low confidence",
-    ),
+    "raccoon": _RACCOON,
+    "red-fox": _RED_FOX,
+    "unlabelled-a": _UNLABELLED_A,
+    "unlabelled-b": _UNLABELLED_B,
     "black": _pigmented(8.0, 0.0),
     "brown": _pigmented(1.3, 0.2),
     "blond": _pigmented(0.3, 0.1),
     "red": _pigmented(0.25, 1.2),
     "white": _HUMAN_WHITE,
-}  # fmt: skip
+}
