@@ -1,0 +1,254 @@
+"""Curves: the strands of a groom as flat arrays, checked once and never changed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from furcl.errors import GroomError
+
+MAX_POINTS = 2**31 - 1
+# Squares of coordinates and radii within these limits stay normal float32 numbers.
+MAX_MAGNITUDE = 1e18
+MIN_MAGNITUDE = 1e-18
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Strands with a radius per point, joined by straight segments.
+
+    Build one with :meth:`from_arrays`, which checks and cleans; the arrays are read-only.
+
+    Attributes
+    ----------
+    points : (N, 3) float32      positions [scene unit], strand after strand, root to tip
+    radii : (N,) float32         radii, never widths [scene unit], > 0
+    offsets : (S + 1,) int64     strand s owns points[offsets[s]:offsets[s + 1]], at least two
+    dropped : mapping            what cleaning removed: name -> count, only counts > 0
+    colours : (N, 3) float32     a linear RGB colour per point, or None
+    """
+
+    points: NDArray[np.float32]
+    radii: NDArray[np.float32]
+    offsets: NDArray[np.int64]
+    dropped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    colours: NDArray[np.float32] | None = None
+
+    @property
+    def n_strands(self) -> int:
+        """Number of strands."""
+        return len(self.offsets) - 1
+
+    @property
+    def n_points(self) -> int:
+        """Number of points of all strands."""
+        return len(self.points)
+
+    @property
+    def n_segments(self) -> int:
+        """Number of straight segments of all strands."""
+        return self.n_points - self.n_strands
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the arrays in bytes."""
+        arrays = (self.points, self.radii, self.offsets, self.colours)
+        return sum(a.nbytes for a in arrays if a is not None)
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Corners (lo, hi) of the box around all points, each widened by its radius."""
+        radii = self.radii.astype(np.float64)
+        axes = [self.points[:, axis] for axis in range(3)]
+        lo = np.array([(x - radii).min() for x in axes])
+        hi = np.array([(x + radii).max() for x in axes])
+        return lo, hi
+
+    def segment_vertices(self) -> NDArray[np.int32]:
+        """First vertex of every segment, (n_segments,): segment i joins vertex v and v + 1."""
+        first = np.ones(self.n_points, dtype=bool)
+        first[self.offsets[1:] - 1] = False
+        return np.flatnonzero(first).astype(np.int32)
+
+    @staticmethod
+    def from_arrays(
+        points: ArrayLike,
+        radii: ArrayLike,
+        offsets: ArrayLike,
+        *,
+        source: str = "curves",
+        colours: ArrayLike | None = None,
+        dropped: Mapping[str, int] | None = None,
+    ) -> "Curves":
+        """Check arrays, drop what is harmless and make a groom of the rest.
+
+        A point that repeats the point before it (a segment shorter than 1e-18) is dropped, and
+        so is a strand of which one point is left; both are counted in `dropped`.
+
+        Parameters
+        ----------
+        points : (N, 3)              finite, magnitude at most 1e18
+        radii : (N,) or scalar       1e-18 .. 1e18
+        offsets : (S + 1,) integers  0 = offsets[0] <= ... <= offsets[S] = N
+        source : str                 the name used in messages, a path for files
+        colours : (N, 3)             finite, or None
+        dropped : mapping            counts of things that the caller has already left out
+
+        Raises
+        ------
+        GroomError                   names the source, the strand and the point
+        """
+        points, radii, offsets, colours = _shaped(points, radii, offsets, colours, source)
+        _check_offsets(offsets, len(points), source)
+        _check_points(points, offsets, source)
+        _check_radii(radii, offsets, source)
+        if colours is not None and not np.isfinite(colours).all():
+            where = _place(source, offsets, int(np.argmin(np.isfinite(colours).all(axis=1))))
+            raise GroomError(f"{where}: the colour is not finite; repair or leave out the colours.")
+        points, radii, offsets, colours, cleaned = _clean(points, radii, offsets, colours, source)
+        counts = {k: n for k, n in {**(dropped or {}), **cleaned}.items() if n > 0}
+        for array in (points, radii, offsets, colours):
+            if array is not None:
+                array.flags.writeable = False
+        return Curves(points, radii, offsets, MappingProxyType(counts), colours)
+
+
+def _shaped(points, radii, offsets, colours, source):
+    """Views of the inputs with the documented shapes and types."""
+    points = _numbers(points, "points", source)
+    radii = _numbers(radii, "radii", source)
+    offsets = np.asarray(offsets)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise GroomError(
+            f"{source}: points has shape {points.shape}; expected (N, 3), one row x y z per point."
+        )
+    n = len(points)
+    if n > MAX_POINTS:
+        raise GroomError(
+            f"{source}: {n} points; at most {MAX_POINTS} can be indexed. Split the groom."
+        )
+    if radii.ndim != 0 and radii.shape != (n,):
+        raise GroomError(
+            f"{source}: radii has shape {radii.shape}; expected ({n},), one per point, or a scalar."
+        )
+    if offsets.ndim != 1 or offsets.dtype.kind not in "iu":
+        raise GroomError(
+            f"{source}: offsets has shape {offsets.shape} and type {offsets.dtype}; expected a "
+            "flat array of integers, one per strand and a last one."
+        )
+    if colours is not None:
+        colours = _numbers(colours, "colours", source)
+        if colours.shape != (n, 3):
+            raise GroomError(
+                f"{source}: colours has shape {colours.shape}; expected ({n}, 3), RGB per point."
+            )
+        colours = _float32(colours)
+    radii = _float32(np.broadcast_to(radii, (n,)))
+    if offsets.dtype == np.uint64 and offsets.size and offsets.max() > MAX_POINTS:
+        raise GroomError(f"{source}: an offset of {offsets.max()} points beyond the {n} points.")
+    offsets = np.ascontiguousarray(offsets, dtype=np.int64).view()
+    return _float32(points), radii, offsets, colours
+
+
+def _numbers(values, name, source):
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        raise GroomError(f"{source}: {name} has type {array.dtype}; expected real numbers.")
+    return array
+
+
+def _float32(array):
+    """A contiguous float32 view or copy; what overflows becomes infinite and is refused later."""
+    with np.errstate(over="ignore", under="ignore"):
+        return np.ascontiguousarray(array, dtype=np.float32).view()
+
+
+def _place(source, offsets, vertex):
+    strand = int(np.searchsorted(offsets, vertex, side="right")) - 1
+    return f"{source}: strand {strand}, point {vertex - int(offsets[strand])}"
+
+
+def _check_offsets(offsets, n_points, source):
+    if len(offsets) < 2 or n_points == 0:
+        raise GroomError(
+            f"{source}: the groom is empty ({max(len(offsets) - 1, 0)} strands, {n_points} "
+            "points); at least one strand of two points is needed."
+        )
+    if offsets[0] != 0 or offsets[-1] != n_points:
+        raise GroomError(
+            f"{source}: the offsets run from {offsets[0]} to {offsets[-1]}; they must run from 0 "
+            f"to the number of points, {n_points}. Rewrite them as the running sum of the counts."
+        )
+    counts = np.diff(offsets)
+    short = np.flatnonzero(counts < 2)
+    if len(short):
+        strand, count = int(short[0]), int(counts[short[0]])
+        if count < 0:
+            raise GroomError(
+                f"{source}: strand {strand} ends before it begins (offset {offsets[strand]} then "
+                f"{offsets[strand + 1]}); offsets must not decrease."
+            )
+        raise GroomError(
+            f"{source}: strand {strand} has {count} point{'s' * (count != 1)}; a strand needs at "
+            f"least 2. {len(short)} such strands: remove them or export them with more points."
+        )
+
+
+def _check_points(points, offsets, source):
+    # min and max carry NaN along, so this pass allocates nothing.
+    if points.min() >= -MAX_MAGNITUDE and points.max() <= MAX_MAGNITUDE:
+        return
+    bad = np.flatnonzero(~(np.abs(points) <= MAX_MAGNITUDE).all(axis=1))
+    x, y, z = (float(v) for v in points[bad[0]])
+    raise GroomError(
+        f"{_place(source, offsets, int(bad[0]))} is ({x:g}, {y:g}, {z:g}); coordinates must be "
+        f"finite and at most {MAX_MAGNITUDE:g}. {len(bad)} such points: repair the export."
+    )
+
+
+def _check_radii(radii, offsets, source):
+    if radii.min() >= MIN_MAGNITUDE and radii.max() <= MAX_MAGNITUDE:
+        return
+    bad = np.flatnonzero(~((radii >= MIN_MAGNITUDE) & (radii <= MAX_MAGNITUDE)))
+    raise GroomError(
+        f"{_place(source, offsets, int(bad[0]))}: radius {float(radii[bad[0]]):g}; radii must be "
+        f"positive and finite ({MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g}). {len(bad)} such points: "
+        "repair the widths of the export (a tip may be thin, but not zero)."
+    )
+
+
+def _clean(points, radii, offsets, colours, source):
+    """Drop repeated points, then strands of which only one point is left."""
+    repeated = np.zeros(len(points), dtype=bool)
+    np.less(_segment_length_sq(points), MIN_MAGNITUDE**2, out=repeated[1:])
+    repeated[offsets[:-1]] = False
+    n_repeated = int(np.count_nonzero(repeated))
+    if n_repeated == 0:
+        return points, radii, offsets, colours, {}
+    counts = np.diff(offsets) - np.add.reduceat(repeated, offsets[:-1], dtype=np.int64)
+    collapsed = counts < 2
+    keep = ~repeated
+    keep[offsets[:-1][collapsed]] = False
+    if not keep.any():
+        raise GroomError(
+            f"{source}: the groom is empty: all points of each of its {len(counts)} strands are "
+            "the same point; check the scale and the precision of the export."
+        )
+    offsets = np.concatenate([[0], np.cumsum(counts[~collapsed])]).astype(np.int64)
+    colours = None if colours is None else colours[keep]
+    dropped = {
+        "zero_length_segments": n_repeated,
+        "collapsed_strands": int(np.count_nonzero(collapsed)),
+    }
+    return points[keep], radii[keep], offsets, colours, dropped
+
+
+def _segment_length_sq(points):
+    # By component: three passes over one column are faster than one over rows of three.
+    length_sq = np.zeros(len(points) - 1, dtype=np.float32)
+    with np.errstate(under="ignore"):
+        for axis in range(3):
+            step = np.diff(points[:, axis])
+            length_sq += step * step
+    return length_sq
