@@ -24,6 +24,10 @@ class DeviceError(FurclError):
     """No usable OpenCL device, or one that fails its self-test."""
 
 
+class NoDeviceError(DeviceError):
+    """Nothing on this machine that furcl can compute on."""
+
+
 class KernelBuildError(FurclError):
     """A kernel that does not compile."""
 

@@ -16,16 +16,11 @@ from furcl import layout
 from furcl.device import Device
 from furcl.errors import KernelBuildError
 from furcl.features import Features
+from furcl.paths import kernel_folder
 
 log = logging.getLogger(__name__)
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+["<]([^">]+)[">]\s*$')
-
-
-def kernel_folder() -> Path:
-    """Where the .cl files are: beside this file in a wheel, at the root in a checkout."""
-    packaged = Path(__file__).parent / "kernels"
-    return packaged if packaged.is_dir() else Path(__file__).parents[1] / "kernels"
 
 
 def _random123_folder() -> Path:

@@ -1,0 +1,111 @@
+"""Does a device pass the self-test? Asked in a process of its own, remembered in the cache folder.
+
+Some OpenCL runtimes end the whole process when their compiler meets a CPU that it does not know,
+so the first test of a device never runs in the process that wants to render.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from furcl.files import atomic_path
+from furcl.paths import cache_folder, kernel_folder
+
+TIMEOUT_S = 180.0
+
+# What in the output of a failed test stands for what, in plain words.
+_EXPLANATIONS = (
+    (
+        "unknown target CPU",
+        "its compiler (LLVM) is older than this CPU and cannot compile for it; install a newer "
+        "OpenCL runtime",
+    ),
+    ("OUT_OF_HOST_MEMORY", "it ran out of memory"),
+    ("COMPILER_NOT_AVAILABLE", "it comes without a compiler"),
+    ("INVALID_DEVICE", "it no longer exists"),
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Outcome of a self-test: `reason` says in one line why it failed, `log` is all it printed."""
+
+    passed: bool
+    reason: str = ""
+    log: str = ""
+
+
+def explain(output: str, code: int) -> str:
+    """One line of plain words for what a failed self-test printed and the code it ended with."""
+    for sign, words in _EXPLANATIONS:
+        if sign in output:
+            return words
+    lines = [line.strip() for line in output.splitlines() if line.strip()]
+    last = lines[-1] if lines else "it printed nothing"
+    if code < 0:
+        return f"it ends the process with {signal.Signals(-code).name}: {last}"
+    return lines[0] if lines else last
+
+
+def _text_hash() -> str:
+    here = Path(__file__).parent
+    include = kernel_folder() / "include"
+    tested = [kernel_folder() / "selftest.cl", include / "prelude.clh", include / "rng.clh"]
+    digest = hashlib.sha256()
+    for path in (*tested, here / "selftest.py", here / "layout.py", here / "program.py"):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _run(address: str) -> Verdict:
+    command = [sys.executable, "-m", "furcl.selftest", address]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S
+        )
+    except subprocess.TimeoutExpired:
+        return Verdict(False, f"its self-test did not end within {TIMEOUT_S:.0f} s")
+    output = done.stdout + done.stderr
+    if done.returncode == 0:
+        return Verdict(True)
+    return Verdict(False, explain(output, done.returncode), output[-8000:])
+
+
+def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
+    """The verdict on a device.
+
+    Parameters
+    ----------
+    address : str       "P:D", platform and device number
+    identity : str      everything that tells this device and driver from others
+    fresh : bool        test again, whatever the cache says
+
+    The cached verdict holds until the device, its driver or the text of the self-test changes.
+    A test that timed out is not remembered.
+    """
+    key = hashlib.sha256(f"{identity}\n{_text_hash()}".encode()).hexdigest()[:24]
+    path = cache_folder() / "selftest" / f"{key}.json"
+    if not fresh:
+        try:
+            return Verdict(**json.loads(path.read_text()))
+        except (OSError, ValueError, TypeError):
+            pass  # none yet, or unreadable: test again
+    verdict = _run(address)
+    if verdict.passed or verdict.log:
+        _remember(path, verdict)
+    return verdict
+
+
+def _remember(path: Path, verdict: Verdict) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps(asdict(verdict)))
+    except OSError:
+        pass  # a cache folder that cannot be written costs seconds at the next start, no more
