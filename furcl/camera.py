@@ -1,0 +1,148 @@
+"""The camera table of a scene: perspective, look-at or framed automatically, pinhole or thin lens."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import ArrayLike, NDArray
+
+Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
+Vec3 = tuple[Coordinate, Coordinate, Coordinate]
+
+DEFAULT_AZIMUTH_DEG = 0.0
+DEFAULT_ELEVATION_DEG = 10.0
+DEFAULT_MARGIN = 0.05
+
+
+class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Perspective camera.
+
+    With `origin` and `target` it looks from one to the other. Without, `resolved` places it so that a
+    groom fills the picture, on the side that `azimuth_deg` and `elevation_deg` name.
+
+    Attributes
+    ----------
+    origin, target : (x, y, z)    both or neither, world units
+    up : (x, y, z)                any vector not along the view
+    vfov_deg : float              full vertical angle of view [deg], 0.1..170
+    aperture_radius : float       of the lens, world units; 0 is a pinhole
+    focus_distance : float        along the view axis, world units; the target's by default
+    azimuth_deg : float           of the camera seen from the groom [deg], from +x towards +y; 0
+    elevation_deg : float         of the camera over the horizon [deg], -89..89; 10
+    margin : float                part of the half picture left free on the tightest side, 0..0.9; 0.05
+    """
+
+    origin: Vec3 | None = None
+    target: Vec3 | None = None
+    up: Vec3 = (0.0, 0.0, 1.0)
+    vfov_deg: Annotated[float, Meta(ge=0.1, le=170.0)] = 30.0
+    aperture_radius: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
+    focus_distance: Annotated[float, Meta(gt=0.0, le=1e9)] | None = None
+    azimuth_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] | None = None
+    elevation_deg: Annotated[float, Meta(ge=-89.0, le=89.0)] | None = None
+    margin: Annotated[float, Meta(ge=0.0, le=0.9)] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.origin is None) != (self.target is None):
+            given, missing = ("origin", "target") if self.target is None else ("target", "origin")
+            raise ValueError(
+                f"{given} is given without {missing}; give both, or neither for automatic framing"
+            )
+        framing = [k for k in ("azimuth_deg", "elevation_deg", "margin") if getattr(self, k) is not None]
+        if self.origin is not None and framing:
+            raise ValueError(
+                f"{', '.join(framing)} frame the groom automatically and origin places the camera "
+                f"by hand; remove one or the other"
+            )
+        if self.origin is None:
+            view = -self._side()
+        else:
+            view = np.subtract(self.target, self.origin)
+            if not np.any(view):
+                raise ValueError(f"origin and target are the same point {self.origin}; move one")
+        if _sine_between(view, self.up) < 1e-4:
+            raise ValueError(f"up = {self.up} is zero or along the view; choose another direction")
+
+    def _side(self) -> NDArray[np.float64]:
+        azimuth = math.radians(DEFAULT_AZIMUTH_DEG if self.azimuth_deg is None else self.azimuth_deg)
+        elevation = math.radians(
+            DEFAULT_ELEVATION_DEG if self.elevation_deg is None else self.elevation_deg
+        )
+        level = math.cos(elevation)
+        return np.array(
+            [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)], np.float64
+        )
+
+    def resolved(self, bounds: tuple[ArrayLike, ArrayLike], aspect: float = 1.0) -> Camera:
+        """This camera with origin, target and focus distance filled in.
+
+        Parameters
+        ----------
+        bounds : (lo, hi)     corners of the box to frame; unused if the origin is given
+        aspect : float        width over height of the film
+
+        Returns
+        -------
+        Camera                all eight corners are inside the picture, one of them on the margin
+        """
+        if self.origin is not None and self.target is not None:
+            distance = float(np.linalg.norm(np.subtract(self.target, self.origin)))
+            return msgspec.structs.replace(self, focus_distance=self.focus_distance or distance)
+        lo, hi = (np.asarray(b, np.float64) for b in bounds)
+        centre, half = 0.5 * (lo + hi), 0.5 * (hi - lo)
+        side = self._side()
+        right, up, forward = _frame(-side, self.up)
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        corners = signs * half
+        free = 1.0 - (DEFAULT_MARGIN if self.margin is None else self.margin)
+        slope = math.tan(math.radians(self.vfov_deg) / 2.0) * free
+        depth = corners @ forward
+        distance = float(
+            np.maximum(np.abs(corners @ right) / (slope * aspect), np.abs(corners @ up) / slope)
+            .__sub__(depth)
+            .max()
+        )
+        if not distance > 0.0:
+            raise ValueError(f"the box {lo.tolist()} to {hi.tolist()} has no size to frame")
+        x, y, z = (centre + distance * side).tolist()
+        tx, ty, tz = centre.tolist()
+        return msgspec.structs.replace(
+            self,
+            origin=(x, y, z),
+            target=(tx, ty, tz),
+            focus_distance=self.focus_distance or distance,
+            azimuth_deg=None,
+            elevation_deg=None,
+            margin=None,
+        )
+
+    def frame(self) -> tuple[NDArray[np.float64], ...]:
+        """Origin and the unit vectors right, up and forward of an explicit camera, (3,) float64 each.
+
+        The ray through the film position (x, y), both in 0..1 with y = 0 at the top, goes along
+        forward + tan(vfov/2) * (aspect * (2 x - 1) * right + (1 - 2 y) * up).
+
+        Raises
+        ------
+        ValueError      if the camera has not been resolved
+        """
+        if self.origin is None or self.target is None:
+            raise ValueError("the camera frames automatically; call resolved(bounds, aspect) first")
+        right, up, forward = _frame(np.subtract(self.target, self.origin), self.up)
+        return np.array(self.origin, np.float64), right, up, forward
+
+
+def _frame(view: NDArray[np.float64], up: Vec3) -> tuple[NDArray[np.float64], ...]:
+    forward = view / np.linalg.norm(view)
+    right = np.cross(forward, np.asarray(up, np.float64))
+    right /= np.linalg.norm(right)
+    return right, np.cross(right, forward), forward
+
+
+def _sine_between(a: ArrayLike, b: ArrayLike) -> float:
+    lengths = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(np.linalg.norm(np.cross(np.asarray(a), np.asarray(b)))) / lengths if lengths else 0.0
