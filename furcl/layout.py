@@ -18,6 +18,10 @@ from furcl.features import Features
 NO_SEGMENT = 0xFFFFFFFF
 BODY_SEGMENT = 0xFFFFFFFE
 
+# Entries of the buffer of queue lengths; the lobe counters are in a buffer of their own.
+COUNT_NEXT, COUNT_HITS, COUNT_MISSES, COUNT_SHADOWS = range(4)
+N_COUNTS = 4
+
 # Attenuation tables (SPEC 4.2-4.3): rows over |theta|, bins over |h|; 100 bins of |h| are the
 # paper's 200 bins of h, A being even in h.
 TABLE_ROWS = 32
@@ -33,6 +37,10 @@ PROFILE_SINES = 64
 CONSTANTS = {
     "NO_SEGMENT": f"{NO_SEGMENT:#x}u",
     "BODY_SEGMENT": f"{BODY_SEGMENT:#x}u",
+    "COUNT_NEXT": COUNT_NEXT,
+    "COUNT_HITS": COUNT_HITS,
+    "COUNT_MISSES": COUNT_MISSES,
+    "COUNT_SHADOWS": COUNT_SHADOWS,
     "TABLE_ROWS": TABLE_ROWS,
     "TABLE_BINS": TABLE_BINS,
     "PROFILE_TAUS": PROFILE_TAUS,
@@ -53,12 +61,16 @@ STRUCTS: dict[str, list[tuple[str, str]]] = {
         ("one_minus_kappa", "float"),
         ("sigma_ms", "float"),
         ("layers", "float"),
-        ("tilt", "float"),  # a <= 0 [rad], SPEC 2.3
         ("beta_m", "float"),
         ("beta_n", "float"),
+        ("tilt", "float"),  # a <= 0 [rad], SPEC 2.3
         ("sin_tilt", "float"),
         ("cos_tilt", "float"),
-        ("inv_tau_step", "float"),  # nodes of cos(theta_t) per unit, SPEC 2.6
+        ("sin_tilt_trt", "float"),  # of 3 a
+        ("cos_tilt_trt", "float"),
+        ("profile_taus_per_cos", "float"),  # profile nodes per unit of 1 - cos(theta_t), SPEC 2.6
+        ("unused_1", "float"),
+        ("unused_2", "float"),
     ],
     "Camera": [
         ("origin", "float4"),
@@ -73,22 +85,38 @@ STRUCTS: dict[str, list[tuple[str, str]]] = {
     "Wave": [
         ("width", "uint"),
         ("height", "uint"),
-        ("first_path_low", "uint"),  # index of the wave's first path: sample * pixels + pixel
-        ("first_path_high", "uint"),
+        ("first_pixel", "uint"),  # the wave's first path: its pixel in tile order ...
+        ("first_sample", "uint"),  # ... and its sample
         ("n_paths", "uint"),
         ("n_slots", "uint"),  # stride of a plane
         ("seed", "uint"),
-        ("first_sample", "uint"),  # of this call; film adds samples from here on
         ("roulette_depth", "uint"),
-        ("max_depth", "uint"),
-        ("environment_scale", "float"),
-        ("unused", "float"),
     ],
     "Body": [
         ("centre", "float4"),
         ("inv_radii", "float4"),
         ("albedo", "float4"),
     ],
+}
+
+# Parameters at the start of the environment buffer, by Features.environment: name and number of floats.
+# Tables of the image follow them, see furcl/latlong.py.
+ENVIRONMENT_FIELDS: dict[str, list[tuple[str, int]]] = {
+    "constant": [("RADIANCE", 3)],
+    "sky": [
+        ("SUN", 3),  # unit, to the sun's centre
+        ("SUN_TANGENT", 3),  # unit, with SUN_BITANGENT a right-handed frame around SUN
+        ("SUN_BITANGENT", 3),
+        ("SUN_VERSINE", 1),  # 1 - cos(radius)
+        ("SUN_RADIANCE", 3),
+        ("SUN_PDF", 1),  # chance of sampling the sun over its solid angle [1/sr]
+        ("SUN_CHANCE", 1),
+        ("SKY_CHANCE", 1),  # of the upper hemisphere; the rest is the lower one
+        ("GROUND_RADIANCE", 3),
+        ("ZENITH", 3),
+        ("PEREZ", 15),  # A to E for Y, then x, then y
+    ],
+    "image": [("WIDTH", 1), ("HEIGHT", 1), ("ROTATION", 1)],  # rotation in turns
 }
 
 _NUMPY_TYPES = {"float": np.float32, "uint": np.uint32, "float4": (np.float32, 4)}
@@ -128,8 +156,18 @@ PATH_STATE = (
     Plane("JOINT", "float", 1),  # q(lobe, h)
     Plane("DIR_PDF", "float", 1, lambda f: f.light_sampling),  # q(p,h) p(w|p,h) / f(h); 0: camera
     Plane("SHADOW_DIR", "float", 3, lambda f: f.light_sampling),
+    Plane("SHADOW_SKIP_DISTANCE", "float", 1, lambda f: f.light_sampling),
     Plane("SHADOW_RADIANCE", "float", "spectrum", lambda f: f.light_sampling),
 )
+
+
+def environment_offsets(kind: str) -> dict[str, int]:
+    """Place of every parameter in the environment buffer, and SIZE, where the tables begin."""
+    offsets, at = {}, 0
+    for name, width in ENVIRONMENT_FIELDS[kind]:
+        offsets[name] = at
+        at += width
+    return {**offsets, "SIZE": at}
 
 
 def planes(features: Features) -> list[str]:
@@ -152,6 +190,8 @@ def device_text(features: Features) -> str:
     for name, fields in STRUCTS.items():
         body = " ".join(f"{kind} {field};" for field, kind in fields)
         lines.append(f"typedef struct {{ {body} }} {name};")
+    for name, offset in environment_offsets(features.environment).items():
+        lines.append(f"#define ENV_{name} {offset}u")
     names = planes(features)
     for plane in PATH_STATE:
         if plane.width == "spectrum" and plane.when(features) and features.channels == 1:

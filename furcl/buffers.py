@@ -1,0 +1,69 @@
+"""Device buffers with their sizes counted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from furcl.device import Device
+from furcl.errors import ResourceError
+
+
+class Memory:
+    """Allocates buffers on one device and counts their bytes.
+
+    Attributes
+    ----------
+    bytes : dict[str, int]      size of every buffer that is held, by name
+    """
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self.bytes: dict[str, int] = {}
+
+    @property
+    def total_bytes(self) -> int:
+        """Bytes held on the device."""
+        return sum(self.bytes.values())
+
+    def _check(self, name: str, n_bytes: int) -> None:
+        limit = self.device.max_allocation_bytes
+        if n_bytes > limit:
+            raise ResourceError(
+                f"buffer {name!r} needs {n_bytes / 2**20:.0f} MiB, {self.device.name} allows "
+                f"{limit / 2**20:.0f} MiB a buffer; use fewer segments or a smaller picture"
+            )
+
+    def upload(self, name: str, array: np.ndarray) -> cl.Buffer:
+        """A read-only buffer holding a copy of `array` (any dtype, contiguous).
+
+        Raises
+        ------
+        ResourceError   if the device allows no buffer of that size
+        """
+        array = np.ascontiguousarray(array)
+        self._check(name, array.nbytes)
+        self.bytes[name] = array.nbytes
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        # OpenCL knows no empty buffer.
+        return cl.Buffer(self.device.context, flags, hostbuf=array if array.size else np.zeros(4))
+
+    def allocate(self, name: str, n_bytes: int, zero: bool = False) -> cl.Buffer:
+        """A read-write buffer; its content is undefined unless `zero`.
+
+        Raises
+        ------
+        ResourceError   if the device allows no buffer of that size
+        """
+        self._check(name, n_bytes)
+        self.bytes[name] = n_bytes
+        buffer = cl.Buffer(self.device.context, cl.mem_flags.READ_WRITE, max(n_bytes, 16))
+        if zero:
+            cl.enqueue_fill_buffer(self.device.queue, buffer, np.uint32(0), 0, max(n_bytes, 16))
+        return buffer
+
+    def read(self, buffer: cl.Buffer, shape: tuple[int, ...] | int, dtype=np.float32) -> np.ndarray:
+        """Copy the head of a buffer back; waits for the queue."""
+        out = np.empty(shape, dtype)
+        cl.enqueue_copy(self.device.queue, out, buffer)
+        return out

@@ -1,0 +1,78 @@
+"""Attenuation tables: lobe and offset h by CDFs over theta.
+
+Source: Shibaike and Iwasaki, sections 4.2 and 4.4 (200 bins over h in [-1, 1]). Changed: rows over
+theta, because A_p depends on it; 100 bins over |h|, A_p being even in h (SPEC 4.3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# A bin in which the quadrature sees nothing still gets this share of its lobe's mean, so that q is
+# positive wherever the lobe can be (SPEC 4.3).
+FLOOR = 1e-3 / 200
+
+
+@dataclass(frozen=True, eq=False)
+class AttenuationTables:
+    """CDFs and densities of (lobe, h) for every row of theta.
+
+    Attributes
+    ----------
+    lobe_cdf : (rows, lobes) float32            inclusive; a row of zeros where no lobe carries light
+    bin_cdf : (rows, lobes, bins) float32       over |h|, inclusive, last entry 1
+    joint : (rows, lobes, bins) float32         q(lobe, h) for h in [-1, 1]; its integral is 1
+    lobe_probability : (rows, lobes) float64    P(lobe), for statistics
+    """
+
+    lobe_cdf: np.ndarray
+    bin_cdf: np.ndarray
+    joint: np.ndarray
+    lobe_probability: np.ndarray
+
+    @property
+    def packed(self) -> np.ndarray:
+        """The float32 blocks of kernels/include/tables.clh, one after the other."""
+        blocks = (self.lobe_cdf, self.bin_cdf, self.joint)
+        return np.concatenate([block.ravel() for block in blocks]).astype(np.float32)
+
+
+def tables_from_bins(bins: np.ndarray) -> AttenuationTables:
+    """Turn bin means of the attenuation into CDFs.
+
+    Parameters
+    ----------
+    bins : (rows, lobes, bins) float    mean of A_p over each bin of |h|, >= 0
+
+    Returns
+    -------
+    AttenuationTables
+    """
+    means = np.asarray(bins, np.float64)
+    lobe_means = means.mean(axis=2, keepdims=True)
+    means = np.where(lobe_means > 0.0, np.maximum(means, FLOOR * lobe_means), 0.0)
+    n_bins = means.shape[2]
+    energy = means.mean(axis=2)  # half the integral over [-1, 1]
+    total = energy.sum(axis=1, keepdims=True)
+    alive = total > 0.0
+    probability = np.divide(energy, total, out=np.zeros_like(energy), where=alive)
+    lobe_cdf = _inclusive_cdf(probability)
+    sums = means.sum(axis=2, keepdims=True)
+    bin_cdf = _inclusive_cdf(np.divide(means, sums, out=np.full_like(means, 1 / n_bins), where=sums > 0))
+    joint = np.divide(means, 2.0 * total[..., None], out=np.zeros_like(means), where=alive[..., None])
+    return AttenuationTables(
+        lobe_cdf=np.where(alive, lobe_cdf, 0.0).astype(np.float32),
+        bin_cdf=bin_cdf.astype(np.float32),
+        joint=joint.astype(np.float32),
+        lobe_probability=probability,
+    )
+
+
+def _inclusive_cdf(probability: np.ndarray) -> np.ndarray:
+    """Running sums along the last axis in float32; from the last positive entry on exactly 1."""
+    cdf = np.cumsum(probability, axis=-1).astype(np.float32)
+    last = probability.shape[-1] - 1 - np.argmax(probability[..., ::-1] > 0.0, axis=-1)
+    cdf[np.arange(probability.shape[-1]) >= last[..., None]] = 1.0
+    return cdf

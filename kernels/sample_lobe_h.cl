@@ -1,0 +1,36 @@
+/* Stage 3 of 5. Chooses the lobe and the offset h for every path that met a fibre.
+
+   reads    state: DIR, HIT_SEGMENT; vertices, tables, profiles
+   writes   state: LOBE, OFFSET_H, JOINT; lobe_counts (with FURCL_STATISTICS)
+   over     the hit queue
+   next     shade */
+#include "frame.clh"
+#include "tables.clh"
+#include "camera.clh"
+
+__kernel void sample_lobe_h(
+    __global float* state, __global const uint* hit_queue, __global const uint* counts,
+    const Wave wave, const uint depth, const FibreParams fibre, __global const float4* vertices,
+    __global const float* tables, __global const float* profiles, __global uint* lobe_counts)
+{
+    const uint i = get_global_id(0);
+    if (i >= counts[FURCL_COUNT_HITS]) return;
+    const uint n_slots = wave.n_slots;
+    const uint slot = hit_queue[i];
+    const uint segment = PS_U(HIT_SEGMENT, slot);
+#if FURCL_BODY
+    if (segment == FURCL_BODY_SEGMENT) return;
+#endif
+    const float3 along = vertices[segment + 1].xyz - vertices[segment].xyz;
+    const FibreFrame frame = fibre_frame(along, -PS_LOAD3(DIR, slot));
+    const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
+    const PixelSample p = pixel_of_slot(&wave, slot);
+    const float4 u = uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_LOBE));
+    const LobeAndOffset chosen = sample_lobe_and_offset(&fibre, tables, profiles, &in, u.xyz);
+    PS_U(LOBE, slot) = chosen.lobe;
+    PS_F(OFFSET_H, slot) = chosen.h;
+    PS_F(JOINT, slot) = chosen.joint;
+#if FURCL_STATISTICS
+    if (chosen.lobe < FURCL_LOBES) atomic_inc(lobe_counts + chosen.lobe);
+#endif
+}

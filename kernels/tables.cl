@@ -1,0 +1,31 @@
+/* Attenuation tables (SPEC 4.2-4.3), filled with the same device functions that render.
+
+   reads    rows: sine and cosine of the theta of each row; fibre, profiles
+   writes   bins [TABLE_ROWS][FURCL_LOBES][TABLE_BINS]: mean over the bin of the channels' mean of
+            A_p(h), by the midpoint rule on TABLE_SUBSAMPLES offsets
+   over     TABLE_ROWS x TABLE_BINS
+   next     furcl/tables.py turns the bins into CDFs */
+#include "bcsdf.clh"
+
+#define TABLE_SUBSAMPLES 16
+
+__kernel void attenuation_bins(
+    __global float* bins, __global const float2* rows, const FibreParams fibre,
+    __global const float* profiles)
+{
+    const uint i = get_global_id(0);
+    if (i >= FURCL_TABLE_ROWS * FURCL_TABLE_BINS) return;
+    const uint row = i / FURCL_TABLE_BINS, bin = i % FURCL_TABLE_BINS;
+    const Incidence in = incidence_at(&fibre, rows[row].x, rows[row].y);
+    float sum[FURCL_LOBES];
+    for (uint p = 0; p < FURCL_LOBES; p++) sum[p] = 0.0f;
+    for (uint k = 0; k < TABLE_SUBSAMPLES; k++) {
+        const float inside = ((float)k + 0.5f) * (1.0f / TABLE_SUBSAMPLES);
+        const float h = ((float)bin + inside) * (1.0f / FURCL_TABLE_BINS);
+        const BcsdfAtOffset b = bcsdf_at_offset(&fibre, profiles, &in, h);
+        for (uint p = 0; p < FURCL_LOBES; p++)
+            if (lobe_exists(p)) sum[p] += spectrum_mean(lobe_attenuation(p, &fibre, &b));
+    }
+    for (uint p = 0; p < FURCL_LOBES; p++)
+        bins[(row * FURCL_LOBES + p) * FURCL_TABLE_BINS + bin] = sum[p] * (1.0f / TABLE_SUBSAMPLES);
+}
