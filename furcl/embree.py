@@ -1,0 +1,219 @@
+"""The Embree 4 library inside the embreex wheel, bound with ctypes: loading, checks, tree building.
+
+The Python classes of embreex know triangles only; the shared library they come with exports the whole
+C interface, and with it the general tree builder that is used here (rtcBuildBVH).
+"""
+
+import ctypes
+import functools
+import importlib.util
+import pathlib
+
+import numpy as np
+
+from furcl.errors import BvhError
+
+VERSION_MAJOR = 4
+DEVICE_PROPERTY_VERSION = 0
+BUILD_QUALITY_MEDIUM = 1
+
+c_pointer, c_uint, c_float, c_size = ctypes.c_void_p, ctypes.c_uint, ctypes.c_float, ctypes.c_size_t
+
+
+class BuildArguments(ctypes.Structure):
+    """RTCBuildArguments of rtcore_builder.h."""
+
+    _fields_ = [
+        ("byte_size", c_size),
+        ("quality", ctypes.c_int),
+        ("flags", ctypes.c_int),
+        ("max_branching_factor", c_uint),
+        ("max_depth", c_uint),
+        ("sah_block_size", c_uint),
+        ("min_leaf_size", c_uint),
+        ("max_leaf_size", c_uint),
+        ("traversal_cost", c_float),
+        ("intersection_cost", c_float),
+        ("bvh", c_pointer),
+        ("primitives", c_pointer),
+        ("primitive_count", c_size),
+        ("primitive_capacity", c_size),
+        ("create_node", c_pointer),
+        ("set_node_children", c_pointer),
+        ("set_node_bounds", c_pointer),
+        ("create_leaf", c_pointer),
+        ("split_primitive", c_pointer),
+        ("progress", c_pointer),
+        ("user", c_pointer),
+    ]
+
+
+#: RTCBuildPrimitive: the box of one primitive and its number.
+PRIMITIVE = np.dtype(
+    [("lower", "<f4", 3), ("geometry", "<u4"), ("upper", "<f4", 3), ("primitive", "<u4")]
+)
+
+STRUCT_BYTES = {"RTCBuildArguments": 136, "RTCBuildPrimitive": 32}
+
+
+def _library_paths():
+    """Paths of the TBB and Embree libraries that the embreex wheel carries."""
+    spec = importlib.util.find_spec("embreex")
+    if spec is None or not spec.submodule_search_locations:
+        raise BvhError(
+            "BVH builder: the package embreex is not installed; furcl needs it to build trees; "
+            "run `pip install embreex`"
+        )
+    package = pathlib.Path(spec.submodule_search_locations[0])
+    folder = package.parent / "embreex.libs"
+    found = []
+    for pattern in ("libtbb*.so*", "libembree4*.so*"):
+        matches = sorted(folder.glob(pattern))
+        if not matches:
+            raise BvhError(
+                f"BVH builder: no {pattern} in {folder}; the Linux wheel of embreex 4.4 holds one; "
+                "install that wheel (`pip install --force-reinstall embreex`)"
+            )
+        found.append(matches[0])
+    return found
+
+
+def check_version(version, path):
+    """Refuse an Embree whose structs may differ. ``version`` is major * 10000 + minor * 100 + patch."""
+    if version // 10000 != VERSION_MAJOR:
+        raise BvhError(
+            f"{path}: Embree {version // 10000}.{version // 100 % 100} found; furcl is written for "
+            f"the binary interface of Embree {VERSION_MAJOR}.x; install embreex 4.4"
+        )
+
+
+def check_struct_sizes(sizes):
+    """Refuse struct sizes (name to bytes) other than those of Embree 4."""
+    for name, expected in STRUCT_BYTES.items():
+        if sizes[name] != expected:
+            raise BvhError(
+                f"Embree binding: {name} has {sizes[name]} bytes on this platform, {expected} are "
+                "expected; only 64-bit Linux is supported"
+            )
+
+
+@functools.cache
+def library():
+    """Load Embree once and return it with the argument types set.
+
+    Raises
+    ------
+    BvhError    if the library is missing, has another major version or another struct layout
+    """
+    tbb, embree = _library_paths()
+    try:
+        ctypes.CDLL(str(tbb), mode=ctypes.RTLD_GLOBAL)
+        lib = ctypes.CDLL(str(embree))
+    except OSError as error:
+        raise BvhError(
+            f"{embree}: cannot be loaded ({error}); reinstall embreex on 64-bit Linux"
+        ) from error
+    for name, result, arguments in (
+        ("rtcNewDevice", c_pointer, [ctypes.c_char_p]),
+        ("rtcGetDeviceProperty", ctypes.c_ssize_t, [c_pointer, ctypes.c_int]),
+        ("rtcGetDeviceError", ctypes.c_int, [c_pointer]),
+        ("rtcGetDeviceLastErrorMessage", ctypes.c_char_p, [c_pointer]),
+        ("rtcReleaseDevice", None, [c_pointer]),
+        ("rtcNewBVH", c_pointer, [c_pointer]),
+        ("rtcBuildBVH", c_pointer, [ctypes.POINTER(BuildArguments)]),
+        ("rtcReleaseBVH", None, [c_pointer]),
+        ("rtcNewScene", c_pointer, [c_pointer]),
+        ("rtcNewGeometry", c_pointer, [c_pointer, ctypes.c_int]),
+        (
+            "rtcSetSharedGeometryBuffer",
+            None,
+            [c_pointer, ctypes.c_int, c_uint, ctypes.c_int, c_pointer, c_size, c_size, c_size],
+        ),
+        ("rtcCommitGeometry", None, [c_pointer]),
+        ("rtcAttachGeometry", c_uint, [c_pointer, c_pointer]),
+        ("rtcReleaseGeometry", None, [c_pointer]),
+        ("rtcCommitScene", None, [c_pointer]),
+        ("rtcReleaseScene", None, [c_pointer]),
+    ):
+        function = getattr(lib, name)
+        function.restype, function.argtypes = result, arguments
+    sizes = {
+        "RTCBuildArguments": ctypes.sizeof(BuildArguments),
+        "RTCBuildPrimitive": PRIMITIVE.itemsize,
+    }
+    check_struct_sizes(sizes)
+    device = lib.rtcNewDevice(None)
+    check_version(lib.rtcGetDeviceProperty(device, DEVICE_PROPERTY_VERSION), embree)
+    lib.rtcReleaseDevice(device)
+    return lib
+
+
+class EmbreeDevice:
+    """An Embree device, released when the object goes."""
+
+    def __init__(self):
+        self._library = library()
+        self.handle = self._library.rtcNewDevice(None)
+        if not self.handle:
+            raise BvhError("Embree: no device could be made; is there memory left?")
+
+    def check(self, action):
+        """Raise BvhError if the last call on this device failed; ``action`` says what it was."""
+        if self._library.rtcGetDeviceError(self.handle):
+            text = self._library.rtcGetDeviceLastErrorMessage(self.handle) or b"unknown error"
+            raise BvhError(f"Embree failed to {action}: {text.decode()}")
+
+    def __del__(self):
+        if getattr(self, "handle", None):
+            self._library.rtcReleaseDevice(self.handle)
+
+
+def build_binary_tree(primitives):
+    """Build a binary tree with one primitive a leaf by Embree's binned SAH builder.
+
+    Parameters
+    ----------
+    primitives : (n,) PRIMITIVE, n >= 2     boxes and numbers; reordered in place
+
+    Returns
+    -------
+    children : (n - 1, 2) int32             node index, or ~number of a primitive
+    bounds : (n - 1, 2, 2, 4) float32       [node, child, lower/upper, x y z unused]
+                                            Node 0 is the root; a child has a larger index than its parent.
+    """
+    from furcl import embree_callbacks as callbacks
+
+    n = len(primitives)
+    children = np.empty((n - 1, 2), np.int32)
+    bounds = np.empty((n - 1, 2, 2, 4), np.float32)
+    state = np.array([0, children.ctypes.data, bounds.ctypes.data], np.int64)
+    lib, device = library(), EmbreeDevice()
+    bvh = lib.rtcNewBVH(device.handle)
+    arguments = BuildArguments(
+        byte_size=ctypes.sizeof(BuildArguments),
+        quality=BUILD_QUALITY_MEDIUM,
+        max_branching_factor=2,
+        max_depth=128,
+        sah_block_size=1,
+        min_leaf_size=1,
+        max_leaf_size=1,
+        traversal_cost=1.0,
+        intersection_cost=1.0,
+        bvh=bvh,
+        primitives=primitives.ctypes.data,
+        primitive_count=n,
+        primitive_capacity=n,
+        create_node=callbacks.create_node.address,
+        set_node_children=callbacks.set_node_children.address,
+        set_node_bounds=callbacks.set_node_bounds.address,
+        create_leaf=callbacks.create_leaf.address,
+        user=state.ctypes.data,
+    )
+    try:
+        root = lib.rtcBuildBVH(ctypes.byref(arguments))
+        device.check("build a tree")
+    finally:
+        lib.rtcReleaseBVH(bvh)
+    if root != callbacks.NODE_TAG or state[0] != n - 1:
+        raise BvhError(f"Embree built {state[0]} nodes for {n} boxes, {n - 1} are expected")
+    return children, bounds
