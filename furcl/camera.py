@@ -52,7 +52,9 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             raise ValueError(
                 f"{given} is given without {missing}; give both, or neither for automatic framing"
             )
-        framing = [k for k in ("azimuth_deg", "elevation_deg", "margin") if getattr(self, k) is not None]
+        framing = [
+            k for k in ("azimuth_deg", "elevation_deg", "margin") if getattr(self, k) is not None
+        ]
         if self.origin is not None and framing:
             raise ValueError(
                 f"{', '.join(framing)} frame the groom automatically and origin places the camera "
@@ -68,7 +70,9 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             raise ValueError(f"up = {self.up} is zero or along the view; choose another direction")
 
     def _side(self) -> NDArray[np.float64]:
-        azimuth = math.radians(DEFAULT_AZIMUTH_DEG if self.azimuth_deg is None else self.azimuth_deg)
+        azimuth = math.radians(
+            DEFAULT_AZIMUTH_DEG if self.azimuth_deg is None else self.azimuth_deg
+        )
         elevation = math.radians(
             DEFAULT_ELEVATION_DEG if self.elevation_deg is None else self.elevation_deg
         )
@@ -145,4 +149,6 @@ def _frame(view: NDArray[np.float64], up: Vec3) -> tuple[NDArray[np.float64], ..
 
 def _sine_between(a: ArrayLike, b: ArrayLike) -> float:
     lengths = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return float(np.linalg.norm(np.cross(np.asarray(a), np.asarray(b)))) / lengths if lengths else 0.0
+    return (
+        float(np.linalg.norm(np.cross(np.asarray(a), np.asarray(b)))) / lengths if lengths else 0.0
+    )

@@ -40,7 +40,8 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
         with _quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
             header = dict(file.header())
             channels = {
-                name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()
+                name: np.asarray(channel.pixels, np.float32)
+                for name, channel in file.channels().items()
             }
     except Exception as error:
         raise ImageError(f"{path}: damaged or unsupported OpenEXR file: {error}") from None

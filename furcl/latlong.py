@@ -53,7 +53,9 @@ class LatLong:
     def load(cls, path: str | Path, *, rotation_deg: float = 0.0, scale: float = 1.0) -> LatLong:
         """Read an .exr or .hdr image; raises ImageError as `make` and the readers do."""
         if Path(path).suffix.lower() in (".hdr", ".pic"):
-            return cls.make(read_hdr(path), rotation_deg=rotation_deg, scale=scale, source=str(path))
+            return cls.make(
+                read_hdr(path), rotation_deg=rotation_deg, scale=scale, source=str(path)
+            )
         channels, header = read_exr(path)
         window, whole = (header.get(key) for key in ("dataWindow", "displayWindow"))
         if window is not None and whole is not None and not np.array_equal(window, whole):
@@ -90,7 +92,9 @@ class LatLong:
         with np.errstate(over="ignore"):
             texels = np.maximum(rgb, 0.0).astype(np.float32) * np.float32(scale)
         if not np.isfinite(texels).all():
-            raise ImageError(f"{source}: times the scale {scale:g} overflows float32; use a smaller scale")
+            raise ImageError(
+                f"{source}: times the scale {scale:g} overflows float32; use a smaller scale"
+            )
         weights = _cell_weights(luminance(texels.astype(np.float64)))
         if not weights.any():
             raise ImageError(f"{source}: every pixel is black; a light image needs light")
@@ -134,7 +138,10 @@ class LatLong:
         low, high = self._edges(self.marginal[None], 0, row)
         t_row = (u[:, 1] - low) / (high - low)
         column = np.array(
-            [np.searchsorted(self.conditional[r], x, side="right") for r, x in zip(row, u[:, 0], strict=True)]
+            [
+                np.searchsorted(self.conditional[r], x, side="right")
+                for r, x in zip(row, u[:, 0], strict=True)
+            ]
         )
         column = np.minimum(column, width - 1)
         low, high = self._edges(self.conditional, row, column)

@@ -33,7 +33,9 @@ def read_hdr(path: str | Path) -> NDArray[np.float32]:
         raise ImageError(f"{path}: there is no such file; check the path")
     data = path.read_bytes()
     if not data.startswith(b"#?"):
-        raise ImageError(f"{path}: does not start with #? as Radiance pictures do; give an .hdr file")
+        raise ImageError(
+            f"{path}: does not start with #? as Radiance pictures do; give an .hdr file"
+        )
     end = data.find(b"\n\n")
     if end < 0:
         raise ImageError(f"{path}: the header has no end (an empty line); the file is damaged")
@@ -78,14 +80,20 @@ def _header(text: bytes, path: Path) -> NDArray[np.float64]:
             except ValueError:
                 numbers = np.zeros(0)
             if len(numbers) != (1 if key == b"EXPOSURE" else 3) or not np.all(numbers > 0.0):
-                raise ImageError(f"{path}: header line {line[:60]!r} is not positive numbers; correct it")
+                raise ImageError(
+                    f"{path}: header line {line[:60]!r} is not positive numbers; correct it"
+                )
             exposure = exposure * numbers
     return exposure
 
 
-def _scanlines(data: NDArray[np.uint8], n_lines: int, n_pixels: int, path: Path) -> NDArray[np.uint8]:
+def _scanlines(
+    data: NDArray[np.uint8], n_lines: int, n_pixels: int, path: Path
+) -> NDArray[np.uint8]:
     if 2 * n_lines > len(data):
-        raise ImageError(f"{path}: {len(data)} bytes cannot hold {n_lines} scanlines; it is cut short")
+        raise ImageError(
+            f"{path}: {len(data)} bytes cannot hold {n_lines} scanlines; it is cut short"
+        )
     picture = np.empty((n_lines, n_pixels, 4), np.uint8)
     at = 0
     for line in range(n_lines):

@@ -120,7 +120,8 @@ class Sky:
         chord = np.linalg.norm(dirs - self.sun, axis=1)
         gamma = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
         luminance, x, y = (
-            z * _perez(row, cos_theta, gamma) for z, row in zip(self.zenith, self.perez, strict=True)
+            z * _perez(row, cos_theta, gamma)
+            for z, row in zip(self.zenith, self.perez, strict=True)
         )
         xyz = np.stack([x, y, 1.0 - x - y], axis=1) * (luminance / y)[:, None]
         return np.maximum(xyz @ XYZ_TO_REC709.T, 0.0)
@@ -189,6 +190,8 @@ def _perez(row: Array, cos_theta: Array, gamma: Array) -> Array:
     )
 
 
-def _zenith_chromaticity(matrix: tuple[tuple[float, ...], ...], turbidity: float, theta: float) -> float:
+def _zenith_chromaticity(
+    matrix: tuple[tuple[float, ...], ...], turbidity: float, theta: float
+) -> float:
     powers = np.array([theta**3, theta**2, theta, 1.0])
     return float(np.array([turbidity**2, turbidity, 1.0]) @ np.array(matrix) @ powers)
