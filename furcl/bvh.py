@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from furcl import bvh_native, embree
 from furcl.curves import Curves
 from furcl.errors import BvhError
-
-#: Entries of the traversal stack in kernels/include/bvh.clh.
-STACK_SIZE = 96
+from furcl.layout import BVH_BLOCK_WORDS, BVH_STACK_SIZE
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +74,13 @@ def build_bvh(curves: Curves) -> Bvh:
     del primitives
     choice = bvh_native.choose_collapse(children, bounds)
     edges, first, width, stack_size = bvh_native.plan_blocks(children, choice)
-    if stack_size > STACK_SIZE:
+    if stack_size > BVH_STACK_SIZE:
         raise BvhError(
             f"the tree of {len(vertices)} segments needs a stack of {stack_size} entries, kernels "
-            f"have {STACK_SIZE}; the groom is extremely uneven: split it"
+            f"have {BVH_STACK_SIZE}; the groom is extremely uneven: split it"
         )
     del choice
-    blocks = np.zeros((len(edges), bvh_native.BLOCK_WORDS), np.uint32)
+    blocks = np.zeros((len(edges), BVH_BLOCK_WORDS), np.uint32)
     views = blocks.view(np.uint8), blocks, blocks.view(np.float32)
     bvh_native.fill_inner(*views, edges, first, width, bounds)
     bvh_native.fill_leaves(*views, edges, first, children, curves.points, curves.radii, vertices)

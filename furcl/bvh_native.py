@@ -7,8 +7,6 @@ import numba
 import numpy as np
 
 WIDTH = 8
-BLOCK_WORDS = 32
-LEAF_FLAG = 0x80000000
 GRID_MARGIN = 1.0 / 64.0  # room, in grid steps, between a box and its faces on the grid
 
 # Cost of a block relative to each other, by measurement (docs/performance.md).

@@ -22,6 +22,10 @@ BODY_SEGMENT = 0xFFFFFFFE
 COUNT_NEXT, COUNT_HITS, COUNT_MISSES, COUNT_SHADOWS = range(4)
 N_COUNTS = 4
 
+# The tree over fibre segments (kernels/include/bvh.clh).
+BVH_BLOCK_WORDS = 32
+BVH_STACK_SIZE = 96
+
 # Attenuation tables (SPEC 4.2-4.3): rows over |theta|, bins over |h|; 100 bins of |h| are the
 # paper's 200 bins of h, A being even in h.
 TABLE_ROWS = 32
@@ -41,6 +45,8 @@ CONSTANTS = {
     "COUNT_HITS": COUNT_HITS,
     "COUNT_MISSES": COUNT_MISSES,
     "COUNT_SHADOWS": COUNT_SHADOWS,
+    "BVH_BLOCK_WORDS": BVH_BLOCK_WORDS,
+    "BVH_STACK_SIZE": BVH_STACK_SIZE,
     "TABLE_ROWS": TABLE_ROWS,
     "TABLE_BINS": TABLE_BINS,
     "PROFILE_TAUS": PROFILE_TAUS,
