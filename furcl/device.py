@@ -205,7 +205,7 @@ def open_device(spec: str | None = None) -> Device:
 
     Parameters
     ----------
-    spec : str or None      number in `furcl devices`, "P:D", or part of a device's or runtime's name
+    spec : str or None      number in `furcl devices`, "P:D", or part of a name
 
     Raises
     ------

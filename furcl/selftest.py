@@ -98,9 +98,7 @@ def _test_queue(device: Device, kernels: cl.Program) -> None:
     kept = _output(device, np.zeros_like(flags))
     count = _output(device, np.zeros(1, np.uint32))
     group = min(GROUP, device.cl_device.max_work_group_size)
-    kernels.selftest_queue(
-        device.queue, (N_ITEMS,), (group,), _input(device, flags), kept, count, cl.LocalMemory(8)
-    )
+    kernels.selftest_queue(device.queue, (N_ITEMS,), (group,), _input(device, flags), kept, count)
     n_kept = int(_read(device, count, flags[:1])[0])
     _require("atomic counters", n_kept == flags.sum())
     found = np.sort(_read(device, kept, flags)[:n_kept])
@@ -143,7 +141,7 @@ def run(device: Device) -> None:
     """
     text = program.source("selftest.cl", Features()) + layout.check_structs_text()
     try:
-        kernels = cl.Program(device.context, text).build(list(program.OPTIONS), cache_dir=False)
+        kernels = cl.Program(device.context, text).build(list(program.OPTIONS))
     except cl.Error as error:
         raise KernelBuildError(f"the self-test does not compile: {error}") from error
     for test in TESTS:

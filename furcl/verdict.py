@@ -23,8 +23,7 @@ TIMEOUT_S = 180.0
 _EXPLANATIONS = (
     (
         "unknown target CPU",
-        "its compiler (LLVM) is older than this CPU and cannot compile for it; install a newer "
-        "OpenCL runtime",
+        "its compiler (LLVM) is older than this CPU; a newer OpenCL runtime is needed",
     ),
     ("OUT_OF_HOST_MEMORY", "it ran out of memory"),
     ("COMPILER_NOT_AVAILABLE", "it comes without a compiler"),

@@ -27,9 +27,9 @@ __kernel void selftest_scalars(__global const float* x, __global float* y, __glo
 /* Queue push: keeps the indices whose flag is not 0, reserving room once a work-group. Reads flags
    (n), writes kept (count in any order) and count (1, zeroed before). Launched over n. */
 __kernel void selftest_queue(
-    __global const uint* flags, __global uint* kept, volatile __global uint* count,
-    volatile __local uint* shared)
+    __global const uint* flags, __global uint* kept, volatile __global uint* count)
 {
+    volatile __local uint shared[2];
     const uint i = get_global_id(0);
     if (get_local_id(0) == 0) shared[0] = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
@@ -41,7 +41,7 @@ __kernel void selftest_queue(
     if (flags[i]) kept[shared[1] + place] = i;
 }
 
-/* Random numbers: writes numbers (4 n floats) of pixel i, sample 2 i, dimension 3. Launched over n. */
+/* Writes numbers (4 n floats): pixel i, sample 2 i, dimension 3. Launched over n. */
 __kernel void selftest_random(uint seed, __global float* numbers)
 {
     const uint i = get_global_id(0);

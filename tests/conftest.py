@@ -37,7 +37,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run each test that asks for `device` on every usable OpenCL device."""
     if "device" not in metafunc.fixturenames:
         return
-    wanted = metafunc.config.getoption("--device").lower()
+    wanted = str(metafunc.config.getoption("--device")).lower()
     candidates = [c for c in _usable_candidates() if wanted in c.description.lower()]
     names = [_short_name(c) for c in candidates]
     metafunc.parametrize(

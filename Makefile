@@ -1,0 +1,51 @@
+# make demo | test | lint | types | imports | lock | clean. Each sets up what it needs in .venv.
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := --size 512x512 --spp 64
+
+.PHONY: demo test lint types imports lock clean setup
+.DEFAULT_GOAL := demo
+
+# Render black hair to out/black_hair.exr and out/black_hair.png.
+demo: $(VENV)/.device
+	$(BIN)/furcl render scenes/black_hair.toml -o out/black_hair.exr $(DEMO)
+
+# Pass pytest's options by ARGS="-k device -x".
+test: $(VENV)/.device
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.installed
+	$(BIN)/basedpyright
+
+imports: $(VENV)/.installed
+	$(BIN)/lint-imports
+
+setup: $(VENV)/.device
+
+$(VENV)/bin/python:
+	bash .ci/make_venv.sh $(VENV)
+
+# The packages of the lock and furcl itself, from this folder.
+$(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+# An OpenCL device that passes the self-test.
+$(VENV)/.device: $(VENV)/.installed
+	$(BIN)/python -m furcl.provision
+	touch $@
+
+# Choose new versions of the dependencies.
+lock: | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet uv
+	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
+	    --no-emit-index-url --no-header --all-extras pyproject.toml -o requirements.lock
+
+clean:
+	rm -rf $(VENV) out dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +

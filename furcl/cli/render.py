@@ -1,0 +1,132 @@
+"""`furcl render`."""
+
+from __future__ import annotations
+
+import logging
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from furcl.cli.console import progress_report
+
+log = logging.getLogger(__name__)
+
+EXIT_INTERRUPTED = 130
+
+
+class _Interrupt:
+    """Set by the first Ctrl-C; the second one ends the program at once."""
+
+    requested = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        log.warning("stopping; what is rendered will be written (Ctrl-C again: quit now)")
+
+
+@contextmanager
+def _interruptible() -> Iterator[_Interrupt]:
+    interrupt = _Interrupt()
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield interrupt
+    except KeyboardInterrupt:
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def scene_path(name: str) -> Path:
+    """A scene file, or the scene of that name which comes with furcl."""
+    from furcl.paths import scene_folder
+
+    path = Path(name)
+    shipped = (scene_folder() / path.name).with_suffix(".toml")
+    return shipped if not path.exists() and path.parent == Path() and shipped.exists() else path
+
+
+def render(
+    scene: Annotated[
+        str, typer.Argument(help="A TOML scene, or the name of one that comes with furcl.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="OUT.exr; a PNG preview is written beside it."),
+    ],
+    spp: Annotated[int | None, typer.Option(help="Samples per pixel.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of the random numbers.")] = None,
+    size: Annotated[str | None, typer.Option(help="Film size, WIDTHxHEIGHT.")] = None,
+    sampling: Annotated[
+        str | None, typer.Option(help="uniform-h, attenuation-cdf or full-cdf.")
+    ] = None,
+    max_depth: Annotated[int | None, typer.Option(help="Longest path, in bounces.")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
+    ] = None,
+    time_limit: Annotated[
+        float | None, typer.Option(help="Stop after so many seconds and write what is there.")
+    ] = None,
+    stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
+    ] = None,
+) -> None:
+    """Render a scene to OpenEXR and PNG."""
+    import furcl
+    from furcl.scene_io import load_scene
+
+    _check_outputs(output, stats)
+    loaded = load_scene(
+        scene_path(scene),
+        overrides=overrides or (),
+        spp=spp,
+        seed=seed,
+        size=size,
+        sampling=sampling,
+        max_depth=max_depth,
+    )
+    with _interruptible() as interrupt:
+        with progress_report() as report:
+
+            def progress(done: int, total: int) -> bool:
+                report(done, total)
+                return interrupt.requested
+
+            image = furcl.render(loaded, device=device, progress=progress, time_limit=time_limit)
+        written = [output, output.with_suffix(".png")]
+        for path in dict.fromkeys(written):
+            image.save(path)
+        if stats:
+            _write_json(image.stats, stats)
+    log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
+    if interrupt.requested:
+        raise typer.Exit(EXIT_INTERRUPTED)
+
+
+def _check_outputs(output: Path, stats: Path | None) -> None:
+    """Refuse before the render what could not be written after it; make missing folders."""
+    if output.suffix.lower() not in (".exr", ".png"):
+        raise typer.BadParameter(f"{output}: the name must end with .exr or .png")
+    for path in (output, stats):
+        if path:
+            path.parent.mkdir(parents=True, exist_ok=True)
+
+
+def _write_json(values: object, path: Path) -> None:
+    import json
+
+    from furcl.files import atomic_path
+
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(values, indent=2) + "\n")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the app."""
+    app.command()(render)
