@@ -1,7 +1,8 @@
 """Self-test of an OpenCL device: every feature that the kernels use, compared with numpy.
 
-`python -m furcl.selftest P:D` tests device D of platform P and ends with code 0 or prints what
-fails. `furcl.verdict` runs it so, in a process of its own, because some runtimes abort.
+`python -m furcl.selftest P:D` tests device D of platform P; it ends with code 0, or prints what
+fails and ends with verdict.EXIT_FAILED. `furcl.verdict` runs it so, in a process of its own,
+because some runtimes abort.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from furcl import layout, program
 from furcl.device import Device, find_candidate, open_candidate
 from furcl.errors import DeviceError, FurclError, KernelBuildError
 from furcl.features import Features
+from furcl.verdict import EXIT_FAILED
 
 N_ITEMS = 1024
 GROUP = 64
@@ -149,12 +151,12 @@ def run(device: Device) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """Test the device that the one argument "P:D" names; the reason of a failure goes to stdout."""
+    """Test the device that the one argument "P:D" names; print the reason of a failure."""
     try:
         run(open_candidate(find_candidate(arguments[0])))
     except (FurclError, cl.Error) as error:
         print(error)
-        return 1
+        return EXIT_FAILED
     return 0
 
 

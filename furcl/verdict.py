@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from furcl.files import atomic_path
 from furcl.paths import cache_folder, kernel_folder
 
 TIMEOUT_S = 180.0
+EXIT_FAILED = 10  # a self-test that ran and failed ends with this code
 
 # What in the output of a failed test stands for what, in plain words.
 _EXPLANATIONS = (
@@ -33,11 +35,20 @@ _EXPLANATIONS = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome of a self-test: `reason` says in one line why it failed, `log` is all it printed."""
+    """Outcome of a self-test.
+
+    Attributes
+    ----------
+    passed : bool
+    reason : str        one line on why it failed
+    log : str           the end of what it printed
+    lasting : bool      it will come out the same until device, driver or self-test change
+    """
 
     passed: bool
     reason: str = ""
     log: str = ""
+    lasting: bool = True
 
 
 def explain(output: str, code: int) -> str:
@@ -64,16 +75,24 @@ def _text_hash() -> str:
 
 def _run(address: str) -> Verdict:
     command = [sys.executable, "-m", "furcl.selftest", address]
+    folders = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, folders))}
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT_S
+            command,
+            env=environment,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=TIMEOUT_S,
         )
     except subprocess.TimeoutExpired:
-        return Verdict(False, f"its self-test did not end within {TIMEOUT_S:.0f} s")
+        return Verdict(False, f"its self-test did not end in {TIMEOUT_S:.0f} s", lasting=False)
     output = done.stdout + done.stderr
     if done.returncode == 0:
         return Verdict(True)
-    return Verdict(False, explain(output, done.returncode), output[-8000:])
+    lasting = done.returncode == EXIT_FAILED or done.returncode < 0
+    return Verdict(False, explain(output, done.returncode), output[-8000:], lasting)
 
 
 def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
@@ -86,7 +105,7 @@ def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
     fresh : bool        test again, whatever the cache says
 
     The cached verdict holds until the device, its driver or the text of the self-test changes.
-    A test that timed out is not remembered.
+    A test that timed out or could not start is not remembered.
     """
     key = hashlib.sha256(f"{identity}\n{_text_hash()}".encode()).hexdigest()[:24]
     path = cache_folder() / "selftest" / f"{key}.json"
@@ -96,7 +115,7 @@ def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
         except (OSError, ValueError, TypeError):
             pass  # none yet, or unreadable: test again
     verdict = _run(address)
-    if verdict.passed or verdict.log:
+    if verdict.lasting:
         _remember(path, verdict)
     return verdict
 
