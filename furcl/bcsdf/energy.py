@@ -1,7 +1,5 @@
 """Energies of the lobes by quadrature over the offset h."""
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -20,22 +18,21 @@ def medulla_edge(fibre: Fibre, theta: float) -> float:
 
 
 def nodes_over_h(
-    fibre: Fibre, theta: float, low: float, high: float, n: int
-) -> tuple[Array, Array]:
-    """Gauss-Legendre nodes and weights over h in [low, high], cut at the medulla's edge.
+    fibre: Fibre, theta: float, bins: int, n: int
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Gauss-Legendre nodes over h in [0, 1] in even bins, cut once more at the medulla's edge.
 
-    In each piece h runs as sin^2 of the variable: the square roots at |h| = 1 and at the edge
-    become smooth. The weights sum to high - low.
+    In each piece h runs as sin^2 of the variable: the square roots at h = 1 and at the edge become
+    smooth. Returns nodes and weights (pieces, n) and the bin of each piece; the weights sum to 1.
     """
-    edge = medulla_edge(fibre, theta)
-    cuts = [low, *([edge] if low < edge < high else []), high]
+    cuts = np.union1d(np.arange(bins + 1) / bins, medulla_edge(fibre, theta))
     x, w = np.polynomial.legendre.leggauss(n)
-    angle, w = np.pi / 4 * (x + 1.0), w * np.pi / 4
-    at = np.sin(angle) ** 2
-    step = w * np.sin(2.0 * angle)
-    h = [a + (b - a) * at for a, b in pairwise(cuts)]
-    weight = [(b - a) * step for a, b in pairwise(cuts)]
-    return np.minimum(np.concatenate(h), 1.0), np.concatenate(weight)
+    angle = np.pi / 4 * (x + 1.0)
+    low, size = cuts[:-1, None], np.diff(cuts)[:, None]
+    h = low + size * np.sin(angle) ** 2
+    weight = size * np.sin(2.0 * angle) * w * np.pi / 4
+    middle = 0.5 * (cuts[1:] + cuts[:-1])
+    return np.minimum(h, 1.0), weight, (middle * bins).astype(np.intp)
 
 
 def lobe_albedos(
@@ -62,9 +59,9 @@ def lobe_albedos(
     theta = np.asarray(theta, np.float64)
     rows: dict[str, list[Array]] = {}
     for angle in theta.ravel():
-        h, w = nodes_over_h(fibre, float(angle), 0.0, 1.0, n)
+        h, w, _ = nodes_over_h(fibre, float(angle), 1, n)
         for name, a in attenuation(fibre, h, angle, profiles, residual).items():
-            rows.setdefault(name, []).append(w @ a)
+            rows.setdefault(name, []).append(np.einsum("pn,pnc->c", w, a))
     return {name: np.reshape(row, (*theta.shape, 3)) for name, row in rows.items()}
 
 
@@ -82,17 +79,21 @@ def albedo(
 
 
 def lobe_shares(fibre: Fibre, profiles: Profiles | None = None) -> dict[str, float]:
-    """Share of each of the five lobes in the energy that isotropically oriented fibres return.
+    """Share of each of the five lobes in what isotropically oriented fibres return.
 
-    Lobe albedos, mean of the channels, weighted with cos^2(theta) (orientation times visible width)
-    and scaled to sum 1.
+    At each inclination the lobe albedos, mean of the channels, are scaled to sum 1: the chance with
+    which `attenuation-cdf` picks the lobe. These are averaged with weight cos^2(theta), orientation
+    times visible width. Without profiles the scattered lobes are left out of the sum as well.
     """
     x, w = np.polynomial.legendre.leggauss(48)
     theta = np.pi / 4 * (x + 1.0)
     lobes = lobe_albedos(fibre, theta, profiles)
-    energy = {name: float((w * np.cos(theta) ** 2) @ lobes[name].mean(-1)) for name in LOBES}
-    total = sum(energy.values())
-    return {name: e / total for name, e in energy.items()}
+    energy = np.stack([lobes[name].mean(-1) for name in LOBES])
+    weight = w * np.cos(theta) ** 2
+    total = energy.sum(0)
+    shares = np.divide(energy, total, out=np.zeros_like(energy), where=total > 0.0)
+    shares = shares @ weight / weight.sum()
+    return {name: float(share) for name, share in zip(LOBES, shares, strict=True)}
 
 
 def attenuation_tables(
@@ -112,11 +113,10 @@ def attenuation_tables(
     -------
     (rows, 5, bins) float64
     """
-    table = np.empty((rows, len(LOBES), bins))
+    table = np.zeros((rows, len(LOBES), bins))
     for row, theta in enumerate(np.linspace(0.0, np.pi / 2, rows)):
-        for j in range(bins):
-            h, w = nodes_over_h(fibre, theta, j / bins, (j + 1) / bins, n)
-            lobes = attenuation(fibre, h, theta, profiles)
-            for p, name in enumerate(LOBES):
-                table[row, p, j] = (w @ lobes[name]).mean() * bins
+        h, w, which = nodes_over_h(fibre, float(theta), bins, n)
+        lobes = attenuation(fibre, h, theta, profiles)
+        for p, name in enumerate(LOBES):
+            np.add.at(table[row, p], which, (w * lobes[name].mean(-1)).sum(-1) * bins)
     return table

@@ -1,0 +1,317 @@
+"""The float64 reference: optics and energy against ray traces, series, mpmath and quadrature."""
+
+from itertools import pairwise
+
+import mpmath as mp
+import numpy as np
+import pytest
+from fibre_oracles import (
+    angles,
+    direction,
+    flat_profiles,
+    fresnel_series,
+    random_profiles,
+    trace_cylinder,
+    turn,
+)
+from scipy.integrate import quad
+
+from furcl import bcsdf
+from furcl.errors import FibreError
+from furcl.fibre import Fibre
+
+PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
+DEGREES = (0, 45, 75, 85)
+
+
+@pytest.mark.parametrize("eta", [1.01, 1.19, 1.55, 2.9])
+@pytest.mark.parametrize("kappa", [0.0, 0.41, 0.9, 1.0])
+@pytest.mark.parametrize("theta", [-1.4, -0.3, 0.0, 0.7, 1.5])
+def test_against_vector_ray_trace(eta: float, kappa: float, theta: float) -> None:
+    """Exit directions of R, TT and TRT, lengths in cortex and medulla, the entry azimuth."""
+    fibre = Fibre(eta=eta, kappa=kappa)
+    for h in (-0.97, -0.5, -0.1, 0.2, 0.63, 0.9, 0.999):
+        wo = direction(theta, 0.8)
+        ray = trace_cylinder(wo, h, eta, kappa)
+        geo = bcsdf.geometry(fibre, h, theta)
+        for p in range(3):
+            theta_out, phi_out = angles(ray.leaving[p])
+            assert theta_out == pytest.approx(-theta, abs=1e-9)
+            assert turn(phi_out - 0.8, float(geo.Phi(p))) == pytest.approx(0, abs=1e-7)
+        for p in range(2):
+            assert ray.cortex[p] == pytest.approx(2 * geo.cortex / geo.cos_theta_t, abs=1e-9)
+            assert ray.core[p] == pytest.approx(2 * geo.medulla / geo.cos_theta_t, abs=1e-9)
+
+
+@pytest.mark.parametrize("h", [-0.6, 0.35, 0.8])
+@pytest.mark.parametrize("lobe", [0, 1, 2])
+def test_lobes_bend_the_way_light_does(lobe: int, h: float) -> None:
+    """A lobe is where the traced ray leaves, and not at its mirror image."""
+    fibre = Fibre(alpha_deg=0, beta_m_deg=1, beta_n_deg=1)
+    wo = direction(0.3, -0.5)
+    out = trace_cylinder(wo, h, fibre.eta, 0.0).leaving[lobe]
+    theta, phi = angles(out)
+    mirrored = direction(theta, -0.5 - (phi + 0.5))
+    there, beside = (bcsdf.evaluate(fibre, wo, w, h, lobe=lobe)[0] for w in (out, mirrored))
+    peak = bcsdf.evaluate(fibre, wo, direction(theta, phi + 0.002), h, lobe=lobe)[0]
+    assert there > 1e3 * beside
+    assert there >= peak
+
+
+@pytest.mark.parametrize("h", [-0.5, -0.1, 0.3, 0.55])
+@pytest.mark.parametrize(("lobe", "stretch"), [("TTs", 0), ("TRTs", 1)])
+def test_profiles_turn_with_the_ray(lobe: str, stretch: int, h: float) -> None:
+    """What a profile puts into one bin leaves at that azimuth from the ray in the medulla.
+
+    The profile's photon comes from azimuth 0, flies along -x and passes the axis at y = -h; the
+    trace gives the direction of flight, and on which side of the axis it passes.
+    """
+    fibre = Fibre(kappa=0.7, sigma_ms=1.0)
+    profiles = flat_profiles()
+    profiles.azimuth.density = np.zeros((4, 32, 128))
+    profiles.azimuth.density[..., 90] = 128 / (2 * np.pi)
+    centre = (90.5 / 128 * 2 - 1) * np.pi
+    wo = direction(0.2, 0.4)
+    ray = trace_cylinder(wo, h, fibre.eta, fibre.kappa)
+    flight, start = ray.inside[stretch], ray.starts[stretch]
+    _, arrival = angles(-flight)
+    side = -(np.cos(arrival) * start[2] - np.sin(arrival) * start[1])
+    assert np.sign(side) == np.sign(h)
+    expected = arrival + np.sign(side) * centre
+    width = 2 * np.pi / 128
+    wi = [direction(-0.1, expected + k * width) for k in (-0.9, -0.4, 0.0, 0.4, 0.9)]
+    value = bcsdf.evaluate(fibre, wo, np.array(wi), h, profiles, lobe=lobe)[:, 0]
+    assert list(value > 0) == [False, True, True, True, False]
+
+
+@pytest.mark.parametrize("layers", [0, 1, 2, 3])
+@pytest.mark.parametrize("eta", [1.0001, 1.49, 3.0])
+@pytest.mark.parametrize("theta", [0.0, 0.6, 1.5, 1.5707])
+def test_cuticle_against_series(layers: int, eta: float, theta: float) -> None:
+    """Reflected and passed light to 1e-10 against multiple reflections counted at 60 digits."""
+    fibre = Fibre(eta=eta, layers=layers or 0.5)
+    for h in (0.0, 0.4, 0.95, 1 - 1e-9):
+        reflected, passed = bcsdf.cuticle(fibre, h, theta)
+        exact_r, exact_t = fresnel_series(eta, h, theta, layers)
+        assert float(abs(reflected - exact_r)) <= 1e-10 * float(exact_r) + 1e-30
+        assert float(abs(passed - exact_t)) <= 1e-10 * float(exact_t)
+
+
+def test_cuticle_without_layers_and_at_the_rim() -> None:
+    assert bcsdf.cuticle(Fibre(layers=0), [0.0, 1.0], 0.3)[0].tolist() == [0.0, 0.0]
+    for theta, h in ((0.0, 1.0), (np.pi / 2, 0.0)):
+        reflected, passed = bcsdf.cuticle(Fibre(), h, theta)
+        assert reflected == pytest.approx(1.0, abs=1e-9)
+        assert passed == pytest.approx(0.0, abs=1e-9)
+
+
+def _exact_attenuation(f: Fibre, h: float, theta: float) -> dict[str, mp.mpf]:
+    """A_p from the defining formulas at 60 digits, with the reflectance of one interface."""
+    with mp.workdps(60):
+        eta, kappa, offset, angle = (mp.mpf(x) for x in (f.eta, f.kappa, h, theta))
+        a = mp.acos(mp.cos(angle) * mp.sqrt(1 - offset**2))
+        b = mp.asin(mp.sin(a) / eta)
+        n1, n2 = mp.cos(a), eta * mp.cos(b)
+        m1, m2 = eta * mp.cos(a), mp.cos(b)
+        F = (((n1 - n2) / (n1 + n2)) ** 2 + ((m1 - m2) / (m1 + m2)) ** 2) / 2
+        theta_t = mp.asin(mp.sin(angle) / eta)
+        gamma_t = mp.asin(offset * mp.cos(angle) / (eta * mp.cos(theta_t)))
+        inner = abs(mp.sin(gamma_t))
+        s_m = mp.sqrt(kappa**2 - inner**2) if inner < kappa else mp.mpf(0)
+        s_c = mp.cos(gamma_t) - s_m
+        ca, ms, ma = (
+            mp.mpf(x) / mp.cos(theta_t) for x in (f.sigma_ca[0], f.sigma_ms, f.sigma_ma[0])
+        )
+        T = mp.exp(-2 * s_c * ca - 2 * s_m * (ms + ma))
+        q = 1 - mp.exp(-2 * s_m * ms)
+        E = mp.exp(-(s_c + 1 - kappa) * ca) * q
+        rest = (1 - F) * F**2 * T**2 * ((1 - F) * T + E) / (1 - F * T)
+        return {
+            "R": F,
+            "TT": (1 - F) ** 2 * T,
+            "TRT": (1 - F) ** 2 * F * T**2,
+            "TTs": (1 - F) * E,
+            "TRTs": (1 - F) * F * T * E,
+            "TRRT+": rest,
+        }
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.9, 1.57, np.pi / 2 - 1e-6])
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"kappa": 0.99999, "sigma_ca": 3.0, "sigma_ms": 1e-9},
+        {"kappa": 0.41, "sigma_ca": 1e-9, "sigma_ms": 1e4, "sigma_ma": 1.0},
+        {"kappa": 0.41, "sigma_ca": 150.0, "sigma_ms": 2.0, "sigma_ma": 0.3},
+        {"kappa": 1.0, "sigma_ms": 1e-6, "eta": 1.0001},
+        {"kappa": 1e-6, "sigma_ms": 5.0, "eta": 3.0},
+        {"kappa": 0.86, "sigma_ca": 0.39, "sigma_ms": 3.15, "sigma_ma": 0.21, "eta": 1.49},
+    ],
+)
+def test_attenuation_against_60_digits(parameters: dict, theta: float) -> None:
+    """Every lobe to 1e-9 of itself where it is above 1e-280, hostile corners included."""
+    fibre = Fibre(layers=0.5, **parameters)
+    for h in (0.0, -0.3, 0.7, 0.999, 1 - 1e-8):
+        found = bcsdf.attenuation(fibre, h, theta, flat_profiles(), residual=True)
+        for name, exact in _exact_attenuation(fibre, h, theta).items():
+            error = float(abs(found[name][0] - exact))
+            assert error <= 1e-9 * float(exact) + 1e-280, (name, h)
+
+
+def test_rim_and_grazing_are_finite() -> None:
+    """h = +-1, theta = +-pi/2, no or full medulla, sigma 0 and 1e4: finite, >= 0, sum <= 1."""
+    h, theta = np.meshgrid([-1.0, -0.5, 0.0, 1.0], [-np.pi / 2, 0.0, np.pi / 2])
+    for kappa in (0.0, 0.5, 1.0):
+        for sigma in (0.0, 1.0, 1e4):
+            for layers in (0.0, 0.5, 10.0):
+                f = Fibre(kappa=kappa, sigma_ms=sigma, sigma_ca=(sigma, sigma, 0), layers=layers)
+                lobes = bcsdf.attenuation(f, h, theta, flat_profiles(), residual=True)
+                total = np.sum(list(lobes.values()), axis=0)
+                assert np.all(np.isfinite(total))
+                assert np.all((total >= 0) & (total <= 1 + 1e-12))
+                assert all(np.all(a >= 0) for a in lobes.values())
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_symmetries(name: str) -> None:
+    """A is even in h and theta; the value is that of the mirror image; no tilt: mirrored theta."""
+    fibre = Fibre.preset(name)
+    rng = np.random.default_rng(1)
+    h, theta = rng.uniform(-1, 1, 50), rng.uniform(-1.5, 1.5, 50)
+    profiles = random_profiles(rng)
+    a = bcsdf.attenuation(fibre, h, theta, profiles)
+    b = bcsdf.attenuation(fibre, -h, -theta, profiles)
+    assert all(np.allclose(a[p], b[p], rtol=1e-13, atol=0) for p in bcsdf.LOBES)
+    wo, wi = rng.normal(size=(2, 50, 3))
+    wo, wi = (w / np.linalg.norm(w, axis=1, keepdims=True) for w in (wo, wi))
+    flip_y, flip_x = np.array([1, -1, 1]), np.array([-1, 1, 1])
+    value = bcsdf.evaluate(fibre, wo, wi, h, profiles)
+    assert np.allclose(value, bcsdf.evaluate(fibre, wo * flip_y, wi * flip_y, -h, profiles))
+    straight = fibre.replace(alpha_deg=0)
+    value = bcsdf.evaluate(straight, wo, wi, h, profiles)
+    assert np.allclose(value, bcsdf.evaluate(straight, wo * flip_x, wi * flip_x, h, profiles))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "printed"), [(0, 0.9924), (45, 0.9860), (75, 0.9219), (85, 0.8594)]
+)
+def test_furnace_without_medulla_scattering(degrees: float, printed: float) -> None:
+    """Known albedos of a clear fibre, plain interface: only TRRT and later orders are missing."""
+    fibre = Fibre(eta=1.55, kappa=0.8, layers=0.5)
+    assert bcsdf.albedo(fibre, np.radians(degrees)) == pytest.approx([printed] * 3, abs=5e-5)
+
+
+@pytest.mark.parametrize("degrees", DEGREES)
+@pytest.mark.parametrize("kappa", [0.0, 0.4, 0.86, 1.0])
+@pytest.mark.parametrize("sigma_ms", [0.0, 0.5, 2.0])
+def test_furnace_formula(sigma_ms: float, kappa: float, degrees: float) -> None:
+    """No absorption: albedo 1 - 1/2 the integral of (1-F) F^2 t^2; with the residual exactly 1."""
+    fibre = Fibre(kappa=kappa, sigma_ms=sigma_ms, layers=1.2)
+    theta = np.radians(degrees)
+
+    def missing(h: float) -> float:
+        f = float(bcsdf.cuticle(fibre, h, theta)[0])
+        offset = h * np.cos(theta) / np.sqrt(fibre.eta**2 - np.sin(theta) ** 2)
+        chord = 2 * np.sqrt(max(0.0, kappa**2 - offset**2))
+        t = np.exp(-chord * sigma_ms / np.sqrt(1 - (np.sin(theta) / fibre.eta) ** 2))
+        return (1 - f) * f**2 * t**2
+
+    edge = min(1.0, kappa * np.sqrt(fibre.eta**2 - np.sin(theta) ** 2) / np.cos(theta))
+    lost = quad(missing, 0, edge, epsabs=1e-11)[0] + quad(missing, edge, 1, epsabs=1e-11)[0]
+    found = bcsdf.albedo(fibre, theta, flat_profiles())
+    assert found == pytest.approx([1 - lost] * 3, abs=1e-9)
+    closed = bcsdf.albedo(fibre, theta, flat_profiles(), residual=True)
+    assert closed == pytest.approx([1.0] * 3, abs=1e-12)
+
+
+@pytest.mark.parametrize("layers", [0.4, 0.68, 1.5])
+def test_dense_medulla_misses_little(layers: float) -> None:
+    fibre = Fibre(kappa=0.8, sigma_ms=2.0, layers=layers)
+    albedo = bcsdf.albedo(fibre, np.radians(DEGREES), flat_profiles())
+    assert np.all((albedo >= 0.9997) & (albedo < 1.0))
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.8, 1.4])
+@pytest.mark.parametrize("name", PRESETS)
+def test_quadrature(name: str, theta: float) -> None:
+    """The default 64 nodes against adaptive quadrature and against 400 nodes, to 1e-9."""
+    fibre, profiles = Fibre.preset(name), flat_profiles(0.7)
+    found = bcsdf.lobe_albedos(fibre, theta, profiles)
+    fine = bcsdf.lobe_albedos(fibre, theta, profiles, n=400)
+    assert all(found[p] == pytest.approx(fine[p], abs=1e-12) for p in bcsdf.LOBES)
+    edge = fibre.kappa * np.sqrt(fibre.eta**2 - np.sin(theta) ** 2) / np.cos(theta)
+
+    def total(h: float) -> float:
+        return float(sum(a[0] for a in bcsdf.attenuation(fibre, h, theta, profiles).values()))
+
+    ends = np.unique([0.0, min(edge, 1.0), 1.0])
+    exact = sum(quad(total, a, b, epsabs=1e-10)[0] for a, b in pairwise(ends))
+    assert bcsdf.albedo(fibre, theta, profiles)[0] == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "printed"),
+    [
+        ("human-white", (14.1, 33.2, 1.07, 51.2, 0.36)),
+        ("human-black", (95.5, 1.0, 0.00, 3.5, 0.00)),
+    ],
+)
+def test_lobe_shares(name: str, printed: tuple) -> None:
+    """Within half a point of the shares that the presets were fitted with.
+
+    A medulla that does not absorb lets everything out, so no profile enters. The printed values
+    come from a coarse average over inclination.
+    """
+    shares = bcsdf.lobe_shares(Fibre.preset(name), flat_profiles())
+    assert [100 * shares[p] for p in bcsdf.LOBES] == pytest.approx(printed, abs=0.5)
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_unscattered_shares_of_raccoon() -> None:
+    """R : TT : TRT of the fitted raccoon; they do not depend on the medulla's profiles."""
+    shares = bcsdf.lobe_shares(Fibre.preset("raccoon"))
+    assert shares["R"] / shares["TT"] == pytest.approx(14.3 / 14.9, rel=0.1)
+    assert shares["TRT"] / shares["TT"] == pytest.approx(0.83 / 14.9, rel=0.1)
+    assert shares["TTs"] == shares["TRTs"] == 0.0
+
+
+@pytest.mark.parametrize("name", ["human-white", "red-fox"])
+def test_tables_are_bin_means(name: str) -> None:
+    """Against a midpoint sum of 400 points in each bin; rows add up to the lobe's albedo."""
+    fibre, profiles = Fibre.preset(name), random_profiles(np.random.default_rng(3))
+    table = bcsdf.attenuation_tables(fibre, profiles)
+    assert table.shape == (32, 5, 100)
+    thetas = np.linspace(0, np.pi / 2, 32)
+    h = (np.arange(40000) + 0.5) / 40000
+    for row in (0, 9, 25):
+        lobes = bcsdf.attenuation(fibre, h, thetas[row], profiles)
+        sums = np.stack([lobes[p].mean(-1).reshape(100, 400).mean(-1) for p in bcsdf.LOBES])
+        assert np.allclose(table[row], sums, rtol=2e-3, atol=1e-6)
+        albedo = bcsdf.lobe_albedos(fibre, thetas[row], profiles, n=300)
+        assert table[row].mean(-1) == pytest.approx(
+            [albedo[p].mean() for p in bcsdf.LOBES], rel=1e-4, abs=1e-9
+        )
+    assert table[31, 0] == pytest.approx(np.ones(100))
+    assert np.all(table[31, 1:] < 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda f: bcsdf.attenuation(f, 1.1, 0.0), "h has values outside"),
+        (lambda f: bcsdf.attenuation(f, np.nan, 0.0), "h has values outside"),
+        (lambda f: bcsdf.geometry(f, 0.0, 2.0), "theta has values outside"),
+        (lambda f: bcsdf.evaluate(f, [1, 1, 0], [0, 0, 1], 0.0), r"wo .*unit vectors"),
+        (lambda f: bcsdf.evaluate(f, [0, 0, 1], [0, 1], 0.0), r"wi .*unit vectors"),
+        (lambda f: bcsdf.evaluate(f, [0, 0, 1], [0, 1, 0], 0.0, lobe="TTT"), "lobe 'TTT'"),
+        (lambda f: bcsdf.evaluate(f, [0, 0, 1], [0, 1, 0], 0.0, lobe=6), "lobe 6"),
+        (lambda f: bcsdf.pdf(f, [0, 0, 1], [0, 1, 0], 0.0, "TTs"), "needs the medulla's profiles"),
+        (
+            lambda f: bcsdf.pdf(f, [0, 0, 1], [0, 1, 0], 0.0, 0, sampling="uniform"),
+            "sampling 'uniform'",
+        ),
+    ],
+)
+def test_refusals(call, message: str) -> None:
+    with pytest.raises(FibreError, match=message):
+        call(Fibre.preset("raccoon"))
