@@ -32,7 +32,7 @@ def m_p(s_o: ArrayLike, mu: ArrayLike, v: ArrayLike) -> Array:
     Returns
     -------
     (...) float64   density per unit of s, >= 0, with integral 1 over [-1, 1] for every mu and v
-                    (tests/test_bcsdf_host.py::test_longitudinal_integral, v 1e-6..6)
+                    (tests/test_bcsdf_angles.py::test_longitudinal_integral, v 1e-6..6)
 
     Source: d'Eon et al. 2011, the spherical Gaussian averaged over azimuth, in the half-angle form
     with the scaled Bessel function, which neither overflows nor cancels.
@@ -99,6 +99,6 @@ def D_p(fibre: Fibre, p: int, delta: ArrayLike) -> Array:
     """Azimuthal density of R, TT and TRT (p = 0, 1, 2) at delta = phi - Phi_p(h) [rad], any.
 
     A wrapped Gaussian of width beta_n sqrt(p + 1); integral 1 over a turn
-    (test_bcsdf_host.py::test_azimuthal_integral).
+    (test_bcsdf_angles.py::test_azimuthal_integral).
     """
     return wrapped_gaussian(delta, fibre.beta_n * np.sqrt(p + 1.0))

@@ -49,7 +49,7 @@ def lobe_albedos(
     theta : (...)     inclination of the known direction [rad], [-pi/2, pi/2]
     profiles          scattering profiles; without them TTs and TRTs are left out
     n : int           Gauss-Legendre nodes in each piece; the error is below 1e-9 with 64
-                      (test_bcsdf_host.py::test_quadrature)
+                      (test_bcsdf_energy.py::test_quadrature)
     residual : bool   adds the lobe "TRRT+"
 
     Returns
