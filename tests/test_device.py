@@ -1,0 +1,228 @@
+"""Choice of the device, self-test and its memory."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from furcl import device as device_module
+from furcl import program, selftest, verdict
+from furcl.device import Candidate, Device, choose, match, open_device
+from furcl.errors import DeviceError, FurclError, KernelBuildError, NoDeviceError
+from furcl.verdict import Verdict
+
+
+def candidate(index: int, kind: str, name: str, driver: str) -> Candidate:
+    return Candidate(index, f"{index}:0", name, "Runtime", "OpenCL 3.0", driver, kind, 2, 1 << 30)
+
+
+OLD = candidate(0, "CPU", "old", "3.0-rc2")
+NEW = candidate(1, "CPU", "new", "2026.22.10")
+BROKEN = candidate(2, "CPU", "broken", "9999.1")
+GPU = candidate(3, "GPU", "gpu", "1.0")
+OTHER = candidate(4, "other", "dsp", "99999")
+
+
+@pytest.fixture
+def fake_verdicts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every made-up device passes, but BROKEN."""
+    monkeypatch.setattr(Candidate, "verdict", lambda self: Verdict(self != BROKEN, "it is broken"))
+
+
+@pytest.mark.parametrize(
+    ("there", "spec", "expected"),
+    [
+        ([OLD, NEW, BROKEN, GPU, OTHER], "", GPU),
+        ([OLD, NEW, BROKEN], "", NEW),
+        ([OTHER, OLD], "", OLD),
+        ([OLD, NEW, GPU], "0", OLD),
+        ([OLD, NEW, GPU], "1:0", NEW),
+        ([OLD, NEW, GPU], "OLD", OLD),
+        ([OLD, NEW, GPU], "runtime", GPU),
+        ([OLD, BROKEN], "runtime", OLD),
+    ],
+)
+@pytest.mark.usefixtures("fake_verdicts")
+def test_choice(there: list[Candidate], spec: str, expected: Candidate) -> None:
+    assert choose(there, spec, "--device") == expected
+
+
+@pytest.mark.parametrize(
+    ("there", "spec", "error", "words"),
+    [
+        ([], "", NoDeviceError, "furcl.provision"),
+        ([BROKEN], "", NoDeviceError, "it is broken"),
+        ([OLD, BROKEN], "broken", DeviceError, "it is broken"),
+        ([OLD, NEW], "nvidia", DeviceError, "'nvidia' names no OpenCL device; there are 0: old"),
+        ([OLD, NEW], "7", DeviceError, "--device '7'"),
+    ],
+)
+@pytest.mark.usefixtures("fake_verdicts")
+def test_choice_fails(
+    there: list[Candidate], spec: str, error: type[FurclError], words: str
+) -> None:
+    with pytest.raises(error) as caught:
+        choose(there, spec, "--device")
+    assert words in str(caught.value)
+    assert type(caught.value) is error
+
+
+def test_driver_versions_compare_as_numbers() -> None:
+    ten, nine = candidate(0, "CPU", "a", "3.10"), candidate(1, "CPU", "b", "3.9")
+    assert ten.rank() < nine.rank()
+    assert match([ten, nine], "3.9") == [nine]
+
+
+def test_environment_variable_chooses(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FURCL_DEVICE", device.driver_version)
+    opened = open_device()
+    assert (opened.name, opened.driver_version) == (device.name, device.driver_version)
+    monkeypatch.setenv("FURCL_DEVICE", "no such device")
+    with pytest.raises(DeviceError, match="FURCL_DEVICE 'no such device'"):
+        open_device()
+    assert open_device(device.driver_version).driver_version == device.driver_version
+
+
+def test_no_device_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device_module, "list_candidates", list)
+    monkeypatch.delenv("FURCL_DEVICE", raising=False)
+    with pytest.raises(NoDeviceError, match="furcl doctor"):
+        open_device()
+
+
+def test_device_facts(device: Device) -> None:
+    assert device.max_allocation_bytes >= 1 << 27
+    assert device.name
+    assert device.driver_version
+
+
+def test_selftest_passes(device: Device) -> None:
+    selftest.run(device)
+
+
+@pytest.mark.parametrize(
+    ("text", "mutant", "error", "words"),
+    [
+        (".s76543210", "", DeviceError, "float8"),
+        ("copysign(u, -1.0f)", "u", DeviceError, "float functions"),
+        ("clz((uint)i)", "0", DeviceError, "integer functions"),
+        ("if (flags[i]) place", "place", DeviceError, "atomic"),
+        ("shared[1] + place", "shared[1]", DeviceError, "local memory"),
+        ("2u * i, 3u", "2u * i, 4u", DeviceError, "Philox"),
+        ("float eta; float eta_sq", "double eta; float eta_sq", FurclError, "lays structs out"),
+        ("barrier(", "no_such_function(", KernelBuildError, "does not compile"),
+    ],
+)
+def test_selftest_sees_faults(
+    device: Device,
+    monkeypatch: pytest.MonkeyPatch,
+    text: str,
+    mutant: str,
+    error: type[FurclError],
+    words: str,
+) -> None:
+    original = program.source
+
+    def mutated(*arguments: object) -> str:
+        source = original(*arguments)  # pyright: ignore[reportArgumentType]
+        assert text in source
+        return source.replace(text, mutant)
+
+    monkeypatch.setattr(program, "source", mutated)
+    with pytest.raises(error, match=words):
+        selftest.run(device)
+
+
+@pytest.mark.parametrize(
+    ("counter", "key", "expected"),
+    [
+        ("00000000 00000000 00000000 00000000", "00000000 00000000",
+         "6627e8d5 e169c58d bc57ac4c 9b00dbd8"),
+        ("ffffffff ffffffff ffffffff ffffffff", "ffffffff ffffffff",
+         "408f276d 41c83b0e a20bc7c6 6d5451fd"),
+        ("243f6a88 85a308d3 13198a2e 03707344", "a4093822 299f31d0",
+         "d16cfe09 94fdcceb 5001e420 24126ea1"),
+    ],
+)  # fmt: skip
+def test_philox_known_answers(counter: str, key: str, expected: str) -> None:
+    """The known answers that Random123 publishes for philox4x32 with ten rounds."""
+    words = [[int(word, 16) for word in text.split()] for text in (counter, key, expected)]
+    found = selftest.philox4x32(np.array([words[0]]), (words[1][0], words[1][1]))
+    assert found[0].tolist() == words[2]
+
+
+@pytest.mark.parametrize(
+    ("output", "code", "words"),
+    [
+        ("error: unknown target CPU 'generic'\n", 10, "older than this CPU"),
+        ("LLVM ERROR: no pass\n", -6, "SIGABRT: LLVM ERROR: no pass"),
+        ("", -11, "SIGSEGV: it printed nothing"),
+        ("float8 arithmetic: differs\nmore\n", 10, "float8 arithmetic: differs"),
+    ],
+)
+def test_failures_in_plain_words(output: str, code: int, words: str) -> None:
+    assert words in verdict.explain(output, code)
+
+
+def fake_python(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> Path:
+    """Stand in for the interpreter that runs self-tests; counts its runs in a file."""
+    path, runs = folder / "python", folder / "runs"
+    path.write_text(f"#!/bin/sh\necho run >> {runs}\n{script}\n")
+    path.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(path))
+    monkeypatch.setenv("FURCL_CACHE_DIR", str(folder / "cache"))
+    return runs
+
+
+@pytest.mark.parametrize(
+    ("script", "passed", "words", "remembered"),
+    [
+        ("exit 0", True, "", True),
+        ("echo wrong sums; exit 10", False, "wrong sums", True),
+        ("echo bad CPU; kill -ABRT $$", False, "SIGABRT: bad CPU", True),
+        ("echo cannot start; exit 1", False, "cannot start", False),
+        ("exec sleep 20", False, "did not end", False),
+    ],
+)
+def test_verdict_survives_any_end(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    script: str,
+    passed: bool,
+    words: str,
+    remembered: bool,
+) -> None:
+    runs = fake_python(tmp_path, monkeypatch, script)
+    monkeypatch.setattr(verdict, "TIMEOUT_S", 1.0)
+    first, second = verdict.of("0:0", "some device"), verdict.of("0:0", "some device")
+    assert first.passed is second.passed is passed
+    assert words in first.reason
+    assert runs.read_text().count("run") == (1 if remembered else 2)
+
+
+def test_verdict_is_asked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a change of the driver or of the self-test, on request, or without a cache."""
+    runs = fake_python(tmp_path, monkeypatch, "exit 0")
+
+    def count() -> int:
+        return runs.read_text().count("run")
+
+    verdict.of("0:0", "driver 1")
+    verdict.of("0:0", "driver 2")
+    assert count() == 2
+    verdict.of("0:0", "driver 2", fresh=True)
+    assert count() == 3
+    monkeypatch.setattr(verdict, "_text_hash", lambda: "other text")
+    verdict.of("0:0", "driver 2")
+    assert count() == 4
+    for path in (tmp_path / "cache" / "selftest").iterdir():
+        path.write_text("{half a fi")
+    verdict.of("0:0", "driver 2")
+    assert count() == 5
+    monkeypatch.setenv("FURCL_CACHE_DIR", os.devnull)
+    verdict.of("0:0", "driver 2")
+    assert count() == 6
