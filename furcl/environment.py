@@ -83,7 +83,8 @@ class Environment:
     def _parameters(self, **values: Any) -> NDArray[np.float32]:
         fields = layout.ENVIRONMENT_FIELDS[self.kind]
         parts = [np.ravel(values.pop(name)) for name, _ in fields]
-        assert not values and [len(p) for p in parts] == [width for _, width in fields]
+        assert not values
+        assert [len(p) for p in parts] == [width for _, width in fields]
         return np.concatenate(parts).astype(np.float32)
 
 
@@ -170,8 +171,8 @@ class SkyLight(Environment):
         )
 
     def _sun_frame(self) -> tuple[Array, Array]:
-        x, y, z = self.sky.sun
-        side = np.array([1.0, 0.0, 0.0]) if abs(z) > 0.5 else np.array([0.0, 0.0, 1.0])
+        high = abs(self.sky.sun[2]) > 0.5
+        side = np.array([1.0, 0.0, 0.0]) if high else np.array([0.0, 0.0, 1.0])
         tangent = np.cross(side, self.sky.sun)
         tangent /= np.linalg.norm(tangent)
         return tangent, np.cross(self.sky.sun, tangent)

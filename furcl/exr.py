@@ -93,7 +93,7 @@ def _quiet():
     """Keep the library's own lines on damaged files off the terminal; the exception says the same."""
     saved = os.dup(2)
     try:
-        with open(os.devnull, "wb") as sink:
+        with Path(os.devnull).open("wb") as sink:
             os.dup2(sink.fileno(), 2)
         yield
     finally:

@@ -137,13 +137,10 @@ class LatLong:
         row = np.minimum(np.searchsorted(self.marginal, u[:, 1], side="right"), height - 1)
         low, high = self._edges(self.marginal[None], 0, row)
         t_row = (u[:, 1] - low) / (high - low)
-        column = np.array(
-            [
-                np.searchsorted(self.conditional[r], x, side="right")
-                for r, x in zip(row, u[:, 0], strict=True)
-            ]
-        )
-        column = np.minimum(column, width - 1)
+        # One search for all: row r's sums are shifted to r .. r + 1, exactly in float64.
+        steps = (self.conditional + np.arange(height, dtype=np.float64)[:, None]).ravel()
+        column = np.searchsorted(steps, row + u[:, 0], side="right") - row * width
+        column = np.clip(column, 0, width - 1)
         low, high = self._edges(self.conditional, row, column)
         t_column = (u[:, 0] - low) / (high - low)
         top, bottom = (1.0 - np.cos((row + i) * (math.pi / height)) for i in (0, 1))

@@ -39,11 +39,11 @@ def triple(value: float | Triple) -> Triple:
     return value if isinstance(value, tuple) else (value, value, value)
 
 
-class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of the tables of a scene."""
 
 
-class Film(Table):
+class Film(Table, kw_only=True):
     """Picture size and pixel filter.
 
     The filters are products of two 1-D ones with the stated half width: box; tent; gaussian with standard
@@ -69,14 +69,14 @@ class Film(Table):
         return self.width / self.height
 
 
-class Melanin(Table):
+class Melanin(Table, kw_only=True):
     """Concentrations of the pigments of hair, 0..100 (0.3 blond, 1.3 brown, 8 black)."""
 
     eumelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
 
 
-class FibreTable(Table):
+class FibreTable(Table, kw_only=True):
     """A preset, parameters that replace its own, and the colour in at most one of three ways.
 
     Without a preset exactly one of sigma_ca, colour and melanin is required and the other parameters
@@ -130,13 +130,13 @@ class FibreTable(Table):
         return fibre
 
 
-class ConstantEnvironment(Table, tag_field="kind", tag="constant"):
+class ConstantEnvironment(Table, kw_only=True, tag_field="kind", tag="constant"):
     """The same radiance from everywhere."""
 
     radiance: RadianceRgb = 1.0
 
 
-class SkyEnvironment(Table, tag_field="kind", tag="sky"):
+class SkyEnvironment(Table, kw_only=True, tag_field="kind", tag="sky"):
     """Clear daylight sky with a sun disc over a ground of constant radiance, see `furcl.sky`.
 
     `scale` turns kcd/m^2 into radiance. The sun's illuminance does not depend on `sun_radius_deg`: a
@@ -153,7 +153,7 @@ class SkyEnvironment(Table, tag_field="kind", tag="sky"):
     ground_albedo: ShareRgb = 0.2
 
 
-class ImageEnvironment(Table, tag_field="kind", tag="image"):
+class ImageEnvironment(Table, kw_only=True, tag_field="kind", tag="image"):
     """Latitude-longitude image (.exr or .hdr), turned about +z by `rotation_deg`, times `scale`."""
 
     file: str
@@ -161,7 +161,7 @@ class ImageEnvironment(Table, tag_field="kind", tag="image"):
     scale: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0
 
 
-class FileCurves(Table, tag_field="generator", tag="file"):
+class FileCurves(Table, kw_only=True, tag_field="generator", tag="file"):
     """A groom file. Radii in it are multiplied by `radius_scale`; `default_radius` replaces missing ones.
 
     `up_axis` = "y" turns a groom whose +y is up so that it stands along +z (and its +z looks along -y).
@@ -173,7 +173,7 @@ class FileCurves(Table, tag_field="generator", tag="file"):
     up_axis: Literal["y", "z"] = "z"
 
 
-class Body(Table):
+class Body(Table, kw_only=True):
     """Diffuse ellipsoid inside the groom that stops light."""
 
     centre: Vec3 = (0.0, 0.0, 0.0)
@@ -186,7 +186,7 @@ class Body(Table):
         return centre - radii, centre + radii
 
 
-class Render(Table):
+class Render(Table, kw_only=True):
     """Samples and samplers.
 
     `light_sampling`: "bcsdf" samples fibres only, "mis" also the environment, "auto" chooses by the
@@ -203,7 +203,7 @@ class Render(Table):
     residual: bool = False
 
 
-class Scene(Table):
+class Scene(Table, kw_only=True):
     """A whole scene. File names in it are absolute once `furcl.load_scene` has read it."""
 
     name: str = ""
