@@ -1,0 +1,164 @@
+"""`furcl doctor` and the installation of a runtime: every fault is named with what mends it."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from furcl import doctor, provision
+from furcl.device import Candidate
+from furcl.doctor import Finding
+from furcl.provision import Step, StepImpossibleError
+from furcl.verdict import Verdict
+
+DEVICE = Candidate(0, "0:0", "cpu", "Runtime", "OpenCL 3.0", "1.0", "CPU", 2, 1 << 30)
+
+
+def bad(findings: list[Finding]) -> list[Finding]:
+    return [finding for finding in findings if finding.level != "ok"]
+
+
+def fake_enumeration(monkeypatch: pytest.MonkeyPatch, code: int = 0, stderr: str = "") -> None:
+    done = subprocess.CompletedProcess([], code, "", stderr)
+    monkeypatch.setattr(doctor.subprocess, "run", lambda *_, **__: done)
+
+
+def test_all_is_well_here() -> None:
+    assert not [finding for finding in doctor.diagnose() if finding.level == "error"]
+
+
+@pytest.mark.parametrize("name", ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"])
+@pytest.mark.parametrize(
+    ("folder", "level", "words"),
+    [("missing", "error", "does not exist"), ("empty", "warning", "holds no .icd file")],
+)
+def test_loader_looks_elsewhere(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    folder: str,
+    level: str,
+    words: str,
+) -> None:
+    (tmp_path / "empty").mkdir()
+    monkeypatch.setenv(name, str(tmp_path / folder))
+    (finding,) = doctor._check_environment()
+    assert finding.level == level
+    assert words in finding.found
+    assert finding.remedy == f"unset {name}"
+
+
+def test_runtime_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
+    (tmp_path / "gone.icd").write_text("/no/such/libgone.so\n")
+    (finding,) = [f for f in bad(list(doctor._check_runtimes())) if "gone.icd" in f.what]
+    assert "/no/such/libgone.so" in finding.found
+    assert finding.remedy == "python -m furcl.provision"
+
+
+def test_intel_runtime_not_registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provision, "intel_library", lambda: tmp_path / "libintelocl.so")
+    monkeypatch.setattr(provision, "intel_registration", lambda: tmp_path / "none.icd")
+    findings = [f for f in doctor._check_runtimes() if f.what == "intel-opencl-rt"]
+    assert [f.remedy for f in findings] == ["python -m furcl.provision --add intel"]
+
+
+@pytest.mark.parametrize(
+    ("code", "stderr", "words", "remedy"),
+    [
+        (-11, "", "ends the process with signal 11", "remove the runtime"),
+        (1, "LogicError: PLATFORM_NOT_FOUND_KHR", "no platform", "furcl.provision"),
+        (0, "", "it has no device", "join the group render"),
+    ],
+)
+def test_no_devices(
+    monkeypatch: pytest.MonkeyPatch, code: int, stderr: str, words: str, remedy: str
+) -> None:
+    fake_enumeration(monkeypatch, code, stderr)
+    monkeypatch.setattr("furcl.device.list_candidates", list)
+    (finding,) = doctor._check_devices()
+    assert finding.level == "error"
+    assert words in finding.found
+    assert remedy in finding.remedy
+
+
+def test_device_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_enumeration(monkeypatch)
+    monkeypatch.setattr("furcl.device.list_candidates", lambda: [DEVICE])
+    monkeypatch.setattr(Candidate, "verdict", lambda self, fresh: Verdict(False, "bad sums"))
+    passed_over, none_left = doctor._check_devices()
+    assert "bad sums" in passed_over.found
+    assert (none_left.level, none_left.remedy) == ("error", "python -m furcl.provision")
+
+
+@pytest.mark.parametrize("missing", ["package", "library"])
+def test_embree_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str) -> None:
+    class Spec:
+        origin = str(tmp_path / "embreex" / "__init__.py")
+
+    spec = None if missing == "package" else Spec
+    monkeypatch.setattr(doctor, "find_spec", lambda _: spec)
+    (finding,) = doctor._check_embree()
+    assert finding.level == "error"
+    assert "pip install" in finding.remedy
+
+
+def test_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("FURCL_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    monkeypatch.setattr(doctor, "kernel_folder", lambda: tmp_path)
+    kernels, cache = doctor._check_files()
+    assert (kernels.level, kernels.remedy) == ("error", "install furcl again")
+    assert (cache.level, "FURCL_CACHE_DIR" in cache.remedy) == ("warning", True)
+
+
+class Machine:
+    """A machine on which only the runtime `works` helps, and installing `refused` is impossible."""
+
+    def __init__(self, works: str, refused: str = "") -> None:
+        self.works, self.refused = works, refused
+        self.log: list[str] = []
+
+    def usable(self) -> bool:
+        return self.works in ("", *[entry.removeprefix("+") for entry in self.log])
+
+    def step(self, name: str, removable: bool = True) -> Step:
+        def install() -> None:
+            if name == self.refused:
+                raise StepImpossibleError("not here")
+            self.log.append(f"+{name}")
+
+        remove: Callable[[], None] | None = lambda: self.log.append(f"-{name}")  # noqa: E731
+        return Step(name, name, install, remove if removable else None)
+
+
+@pytest.mark.parametrize(
+    ("machine", "result", "log"),
+    [
+        (Machine(""), True, []),
+        (Machine("wheel"), True, ["+wheel"]),
+        (Machine("debian"), True, ["+wheel", "-wheel", "+debian"]),
+        (Machine("intel"), True, ["+wheel", "-wheel", "+debian", "+intel"]),
+        (Machine("intel", "debian"), True, ["+wheel", "-wheel", "+intel"]),
+        (Machine("none", "wheel"), False, ["+debian", "+intel", "-intel"]),
+    ],
+)
+def test_order_of_installation(
+    monkeypatch: pytest.MonkeyPatch, machine: Machine, result: bool, log: list[str]
+) -> None:
+    machine.log.clear()
+    monkeypatch.setattr(provision, "devices_usable", machine.usable)
+    steps = (machine.step("wheel"), machine.step("debian", removable=False), machine.step("intel"))
+    assert provision.provision(steps) is result
+    assert machine.log == log
+
+
+def test_steps_are_those_of_the_documents() -> None:
+    assert [step.name for step in provision.STEPS] == ["pocl", "debian", "intel"]
+    for name in ("pocl", "intel"):
+        text = (provision.LOCKS / f"{name}.lock").read_text()
+        assert text.count("==") <= text.count("--hash=sha256:")
+        assert "://" not in text
