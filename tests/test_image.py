@@ -1,0 +1,224 @@
+"""Pictures: files, headers, previews and distances."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+from PIL import Image as PillowImage
+
+from furcl import compare
+from furcl.errors import ImageError
+from furcl.exr import write_exr
+from furcl.image import Image
+
+
+@pytest.fixture
+def picture(rng) -> Image:
+    rgb = rng.exponential(size=(12, 20, 3)).astype(np.float32)
+    stats = {
+        "seed": 4294967295,
+        "spp": 16,
+        "sampling": "full-cdf",
+        "device": "an é device",
+        "features": {"lens": True},
+        "seconds": {"render": 1.5},
+    }
+    return Image(rgb, (rgb * 0.01).astype(np.float32), stats)
+
+
+def files(folder) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_exr_round_trip_is_exact(picture, tmp_path):
+    picture.save(tmp_path / "a.exr")
+    again = Image.load(tmp_path / "a.exr")
+    assert np.array_equal(again.rgb, picture.rgb)
+    assert again.variance is not None
+    assert np.array_equal(again.variance, picture.variance)
+    assert again.stats == picture.stats
+    assert files(tmp_path) == ["a.exr"]
+
+
+def test_exr_header_names_what_made_it(picture, tmp_path):
+    import OpenEXR
+
+    picture.save(tmp_path / "a.exr")
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        header = dict(file.header())
+    assert header["furcl:spp"] == 16
+    assert header["furcl:seed"] == "4294967295"  # beyond the 31 bits of an integer attribute
+    assert header["furcl:sampling"] == "full-cdf"
+    assert header["furcl:features"] == '{"lens": true}'
+    assert header["chromaticities"][:2] == pytest.approx((0.64, 0.33))
+
+
+def test_a_foreign_exr_needs_no_variance(tmp_path):
+    grey = np.full((3, 4), 0.5, np.float32)
+    write_exr(tmp_path / "y.exr", {"Y": grey}, {})
+    image = Image.load(tmp_path / "y.exr")
+    assert image.variance is None
+    assert image.rgb.shape == (3, 4, 3)
+    assert (image.rgb == 0.5).all()
+
+
+@pytest.mark.parametrize("stops", [0.0, 1.0, -2.0])
+def test_png_is_srgb_at_the_exposure(stops):
+    values = np.array([0.0, 0.001, 0.18, 0.5, 1.0, 40.0], np.float32)
+    rgb = np.repeat(values[None, :, None], 3, axis=2)
+    found = np.asarray(
+        PillowImage.open(io.BytesIO(Image(rgb, exposure_stops=stops).png_bytes()))
+    )
+    for linear, byte in zip(values, found[0, :, 0], strict=True):
+        x = min(float(linear) * 2.0**stops, 1.0)
+        curve = 12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055
+        assert abs(int(byte) - 255.0 * curve) <= 0.501
+
+
+def test_notebook_shows_the_png(picture):
+    assert picture._repr_png_() == picture.png_bytes()
+    assert picture.png_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("suffix", [".exr", ".png"])
+def test_a_failed_write_leaves_the_old_file_alone(picture, tmp_path, monkeypatch, suffix):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(b"old")
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("furcl.files.os.replace", fail)
+    with pytest.raises(ImageError, match=f"a{suffix}: cannot be written: No space left"):
+        picture.save(path)
+    assert path.read_bytes() == b"old"
+    assert files(tmp_path) == [path.name]
+
+
+def exr_bytes(tmp_path, channels) -> bytes:
+    write_exr(tmp_path / "whole.exr", channels, {})
+    return (tmp_path / "whole.exr").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "there is no such file; check the path"),
+        (b"", "does not start as an OpenEXR file does"),
+        (b"\x89PNG....", "does not start as an OpenEXR file does"),
+        (b"\x76\x2f\x31\x01", "damaged or unsupported OpenEXR file"),
+        ("half", "damaged or unsupported OpenEXR file"),
+        ("channels", r"has the channels A, X; R, G and B \(or Y\) are needed"),
+    ],
+)
+def test_bad_exr_files(tmp_path, content, message):
+    path = tmp_path / "bad.exr"
+    ramp = np.random.default_rng(1).random((64, 64)).astype(np.float32)
+    if content == "half":
+        whole = exr_bytes(tmp_path, dict.fromkeys("RGB", ramp))
+        path.write_bytes(whole[: len(whole) // 2])
+    elif content == "channels":
+        path.write_bytes(exr_bytes(tmp_path, dict.fromkeys("AX", ramp)))
+    elif content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ImageError, match=rf"bad\.exr: {message}"):
+        Image.load(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("a.jpg", "the suffix '.jpg' names no picture format; use .exr or .png"),
+        ("a", "the suffix '' names no picture format"),
+        ("nowhere/a.exr", "the folder .*nowhere does not exist; create it first"),
+    ],
+)
+def test_bad_names_to_save(picture, tmp_path, name, message):
+    with pytest.raises(ImageError, match=message):
+        picture.save(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("rgb", "variance", "message"),
+    [
+        (np.zeros((3, 4)), None, r"rgb has the shape \(3, 4\)"),
+        (np.zeros((0, 4, 3)), None, r"rgb has the shape \(0, 4, 3\)"),
+        (np.zeros((2, 4, 3)), np.zeros((4, 2, 3)), r"variance has the shape \(4, 2, 3\)"),
+    ],
+)
+def test_bad_shapes(rgb, variance, message):
+    with pytest.raises(ImageError, match=message):
+        Image(rgb, variance)
+
+
+def test_rmse_and_relmse_by_hand():
+    reference = np.zeros((1, 2, 3))
+    reference[0, 1] = 2.0
+    test = reference + 0.1
+    assert compare.rmse(test, reference) == pytest.approx(0.1)
+    assert compare.relmse(test, reference) == pytest.approx(0.5 * (0.01 / 0.01 + 0.01 / 4.01))
+
+
+def test_largest_difference_names_the_pixel():
+    reference = np.ones((5, 7, 3))
+    test = reference.copy()
+    test[3, 6, 1] = 0.25
+    found = compare.largest_difference(test, reference)
+    assert (found.column, found.row, found.channel) == (6, 3, "G")
+    assert (found.value, found.test, found.reference) == (0.75, 0.25, 1.0)
+
+
+@pytest.mark.parametrize("reference", ["black", "constant", "mostly black", "picture"])
+def test_flip_grows_with_the_error(picture, reference):
+    pytest.importorskip("flip_evaluator")
+    rgb = picture.rgb.copy()
+    if reference in ("black", "constant"):
+        rgb[:] = 0.0 if reference == "black" else 0.7
+    elif reference == "mostly black":
+        rgb[:, 3:] = 0.0
+    errors = [compare.flip(rgb + shift, rgb) for shift in (0.0, 0.02, 0.2)]
+    assert errors[0] == pytest.approx(0.0, abs=1e-6)
+    assert errors[0] < errors[1] <= errors[2] <= 1.0
+
+
+def test_flip_of_two_black_pictures_is_zero():
+    pytest.importorskip("flip_evaluator")
+    assert compare.flip(np.zeros((4, 4, 3)), np.zeros((4, 4, 3))) == 0.0
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("bias", [0.0, 0.2], ids=["true", "mutant"])
+def test_z_scores_see_a_bias(rng, bias):
+    mean, sigma = rng.exponential(size=(64, 64, 3)) + 0.1, 0.1
+    a, b = (
+        Image(mean + sigma * rng.normal(size=mean.shape), np.full(mean.shape, sigma**2))
+        for _ in range(2)
+    )
+    z = compare.z_scores(Image(a.rgb + bias * sigma, a.variance), b)
+    assert z.n == mean.size
+    # alpha = 0.01, two-sided: 2.576 standard errors of a mean of n unit normal numbers
+    assert (abs(z.mean) * math.sqrt(z.n) < 2.576) == (bias == 0.0)
+    assert z.rms == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("test", "reference", "message"),
+    [
+        (np.zeros((2, 3, 3)), np.zeros((3, 2, 3)), r"the shapes \(2, 3, 3\) and \(3, 2, 3\)"),
+        (np.full((2, 3, 3), np.nan), np.zeros((2, 3, 3)), "the first picture is .* column 0, row 0"),
+    ],
+)
+@pytest.mark.parametrize("distance", [compare.rmse, compare.relmse, compare.largest_difference])
+def test_pictures_that_cannot_be_compared(test, reference, message, distance):
+    with pytest.raises(ImageError, match=message):
+        distance(test, reference)
+
+
+def test_compare_has_all_distances(picture):
+    pytest.importorskip("flip_evaluator")
+    found = compare.compare(picture, picture)
+    assert found["rmse"] == found["relmse"] == found["flip"] == found["largest"]["value"] == 0.0
+    assert found["z"]["rms"] == 0.0
