@@ -23,13 +23,10 @@ if TYPE_CHECKING:
     from furcl.curves import Curves
 
 Triple = tuple[float, float, float]
-Radiance = Annotated[float, Meta(ge=0.0, le=1e9)]
-Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-Sigma = Annotated[float, Meta(ge=0.0, le=1e4)]
 Length = Annotated[float, Meta(gt=0.0, le=1e9)]
-RadianceRgb = Radiance | tuple[Radiance, Radiance, Radiance]
-ShareRgb = Share | tuple[Share, Share, Share]
-SigmaRgb = Sigma | tuple[Sigma, Sigma, Sigma]
+# One number or three. The ranges are checked in __post_init__: msgspec (up to 0.22) crashes in the
+# garbage collector on unions of a constrained number and a tuple of constrained numbers.
+Rgb = float | tuple[float, float, float]
 
 FILTER_SUPPORT_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
@@ -37,6 +34,11 @@ FILTER_SUPPORT_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 def triple(value: float | Triple) -> Triple:
     """One number as three equal ones; three as they are."""
     return value if isinstance(value, tuple) else (value, value, value)
+
+
+def _check_range(name: str, value: Rgb, low: float, high: float) -> None:
+    if not all(low <= number <= high for number in triple(value)):
+        raise ValueError(f"{name} = {value} is outside [{low:g}, {high:g}]; change it")
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -89,9 +91,9 @@ class FibreTable(Table, kw_only=True):
     alpha_deg: float | None = None
     beta_m_deg: float | None = None
     beta_n_deg: float | None = None
-    sigma_ca: SigmaRgb | None = None
+    sigma_ca: Rgb | None = None
     sigma_ms: float | None = None
-    sigma_ma: SigmaRgb | None = None
+    sigma_ma: Rgb | None = None
     g: float | None = None
     layers: float | None = None
     colour: tuple[float, float, float] | None = None
@@ -133,7 +135,10 @@ class FibreTable(Table, kw_only=True):
 class ConstantEnvironment(Table, kw_only=True, tag_field="kind", tag="constant"):
     """The same radiance from everywhere."""
 
-    radiance: RadianceRgb = 1.0
+    radiance: Rgb = 1.0
+
+    def __post_init__(self) -> None:
+        _check_range("radiance", self.radiance, 0.0, 1e9)
 
 
 class SkyEnvironment(Table, kw_only=True, tag_field="kind", tag="sky"):
@@ -150,7 +155,10 @@ class SkyEnvironment(Table, kw_only=True, tag_field="kind", tag="sky"):
     sun_scale: Annotated[float, Meta(ge=0.0, le=1e6)] = 1.0
     turbidity: Annotated[float, Meta(ge=2.0, le=10.0)] = 3.0
     scale: Annotated[float, Meta(gt=0.0, le=1e6)] = 0.05
-    ground_albedo: ShareRgb = 0.2
+    ground_albedo: Rgb = 0.2
+
+    def __post_init__(self) -> None:
+        _check_range("ground_albedo", self.ground_albedo, 0.0, 1.0)
 
 
 class ImageEnvironment(Table, kw_only=True, tag_field="kind", tag="image"):
@@ -178,7 +186,10 @@ class Body(Table, kw_only=True):
 
     centre: Vec3 = (0.0, 0.0, 0.0)
     radii: tuple[Length, Length, Length] = (1.0, 1.0, 1.0)
-    albedo: ShareRgb = 0.05
+    albedo: Rgb = 0.05
+
+    def __post_init__(self) -> None:
+        _check_range("albedo", self.albedo, 0.0, 1.0)
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lower and upper corner of its box, (3,) float64 each."""

@@ -13,7 +13,7 @@ __kernel void generate(
     const uint slot = get_global_id(0);
     if (slot >= wave.n_paths) return;
     const uint n_slots = wave.n_slots;
-    const Ray ray = camera_ray(&camera, &wave, pixel_of_slot(&wave, slot));
+    const CameraRay ray = camera_ray(&camera, &wave, pixel_of_slot(&wave, slot));
     PS_STORE3(ORIGIN, slot, ray.origin);
     PS_STORE3(DIR, slot, ray.direction);
     PS_U(SKIP_SEGMENT, slot) = FURCL_NO_SEGMENT;

@@ -9,17 +9,17 @@
 
 /* Finds what the ray of every path meets first.
 
-   reads    state: ORIGIN, DIR, SKIP_*; the tree
-   writes   state: HIT_*; hit queue, miss queue
+   reads    state: ORIGIN, DIR, SKIP_*; the tree; active_counts: COUNT_NEXT of the bounce before
+   writes   state: HIT_*; hit queue, miss queue and their lengths in counts
    over     the queue of paths that go on
    next     shade_escaped over the miss queue, sample_lobe_h over the hit queue */
 __kernel VECTOR_HINT void intersect_closest(
     __global float* state, __global const uint* queue, __global uint* hit_queue,
-    __global uint* miss_queue, __global uint* counts, const uint n_slots, const Body body,
-    BVH_PARAMETERS)
+    __global uint* miss_queue, __global const uint* active_counts, __global uint* counts,
+    const uint n_slots, const Body body, BVH_PARAMETERS)
 {
     const uint i = get_global_id(0);
-    if (i >= counts[FURCL_COUNT_NEXT]) return;
+    if (i >= active_counts[FURCL_COUNT_NEXT]) return;
     const uint slot = queue[i];
     const Query query = {PS_LOAD3(ORIGIN, slot), PS_LOAD3(DIR, slot), INFINITY,
                          PS_F(SKIP_DISTANCE, slot), PS_U(SKIP_SEGMENT, slot)};

@@ -1,0 +1,298 @@
+"""The wavefront path tracer: scene in, picture out."""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+
+import numpy as np
+
+from furcl import layout
+from furcl.buffers import Memory
+from furcl.bvh import build_bvh
+from furcl.device import Device, open_device
+from furcl.environment import Environment
+from furcl.features import LOBES
+from furcl.film import Film
+from furcl.image import Image
+from furcl.material import build_material
+from furcl.scene import Scene, triple
+from furcl.scene_io import with_overrides
+from furcl.specialise import left_out, scene_features
+from furcl.wavefront import Wavefront
+
+#: Called after every wave with the paths finished and the paths asked for; true stops the render.
+Progress = Callable[[int, int], bool | None]
+
+# Paths traced together unless the caller says otherwise: enough to keep a GPU busy; on a CPU few
+# enough that their state stays in the caches.
+WAVE_SIZE_CPU = 1 << 15
+WAVE_SIZE_GPU = 1 << 20
+
+
+class Renderer:
+    """Everything that a scene needs on one device; `advance` adds samples to its film.
+
+    The picture is a function of scene, seed and number of samples: how the samples are cut into
+    calls of `advance` and into waves changes no bit of it.
+
+    Parameters
+    ----------
+    scene : Scene
+    device : str, Device or None    as for `furcl.render`
+    wave_size : int or None         paths traced together
+
+    Attributes
+    ----------
+    seconds : dict[str, float]      curves, bvh, tables, compile, render [s]
+    samples_done : int              whole samples a pixel
+
+    Raises
+    ------
+    DeviceError, GroomError, SceneError, ResourceError, KernelBuildError
+    """
+
+    def __init__(
+        self, scene: Scene, device: str | Device | None = None, wave_size: int | None = None
+    ) -> None:
+        self.scene = scene
+        self.device = device if isinstance(device, Device) else open_device(device)
+        self.memory = Memory(self.device)
+        self.seconds: dict[str, float] = {}
+        self.paths_done = self.rays = 0
+        self.lobe_counts = np.zeros(6, np.int64)
+        with self._timed("curves"):
+            curves = scene.build_curves()
+        with self._timed("bvh"):
+            bvh = build_bvh(curves)
+            geometry = [
+                self.memory.upload("bvh", bvh.blocks),
+                self.memory.upload("vertices", bvh.vertices),
+                self.memory.upload("strand offsets", bvh.offsets),
+                np.uint32(len(bvh.offsets) - 1),
+            ]
+        with self._timed("tables"):
+            environment = Environment.from_scene(scene.environment)
+            fibre = scene.build_fibre()
+            self.features = scene_features(scene, fibre, environment)
+            self.material = build_material(self.memory, fibre, self.features)
+            light = environment.device_buffer(self.features.light_sampling)
+        self.n_segments = bvh.n_segments
+        self.film = Film.allocate(
+            self.memory, scene.film.width, scene.film.height, self.features
+        )
+        with self._timed("compile"):
+            self.wavefront = Wavefront(
+                self.memory,
+                self.features,
+                self.material,
+                geometry,
+                self.memory.upload("environment", light),
+                camera_struct(scene, curves),
+                body_struct(scene),
+                self.film,
+                wave_size or (WAVE_SIZE_CPU if self.device.is_cpu else WAVE_SIZE_GPU),
+            )
+        self.bvh_bytes = bvh.n_bytes
+
+    @property
+    def n_pixels(self) -> int:
+        """Pixels of the film."""
+        return self.film.width * self.film.height
+
+    @property
+    def samples_done(self) -> int:
+        """Whole samples that every pixel has."""
+        return self.paths_done // self.n_pixels
+
+    def advance(
+        self,
+        spp: int,
+        progress: Progress | None = None,
+        time_limit: float | None = None,
+    ) -> bool:
+        """Add `spp` samples to every pixel.
+
+        Stops between two waves when `time_limit` [s] of rendering is over or `progress` returns
+        true; pixels may then differ by one sample, which the film knows. Returns whether all
+        samples were added.
+        """
+        start, first = time.perf_counter(), self.paths_done
+        end = first + spp * self.n_pixels
+        try:
+            while self.paths_done < end:
+                if time_limit is not None and time.perf_counter() - start >= time_limit:
+                    return False
+                wave = self._next_wave(end)
+                self._trace(wave)
+                self.paths_done += int(wave["n_paths"])
+                if progress and progress(self.paths_done - first, end - first):
+                    return self.paths_done == end
+        finally:
+            self.device.queue.finish()
+            self.seconds["render"] = (
+                self.seconds.get("render", 0.0) + time.perf_counter() - start
+            )
+        return True
+
+    def _trace(self, wave: np.ndarray) -> None:
+        """One wave from the camera to the film."""
+        stages = self.wavefront
+        active = stages.generate(wave)
+        for depth in range(self.scene.render.max_depth + 1):
+            stages.intersect_closest(wave, active)
+            stages.shade_escaped(wave, active)
+            if depth < self.scene.render.max_depth:
+                stages.sample_lobe_h(wave, active, depth)
+                stages.shade(wave, active, depth)
+                stages.intersect_shadow(wave, active)
+            counts = stages.swap()
+            self.rays += active + int(counts[layout.COUNT_SHADOWS])
+            active = int(counts[layout.COUNT_NEXT])
+            if not active:
+                break
+        stages.add_to_film(wave)
+        if self.features.statistics:
+            counted = stages.read_lobe_counts()
+            self.lobe_counts[: len(counted)] += counted
+
+    def _next_wave(self, end: int) -> np.ndarray:
+        """The struct Wave of the paths from `paths_done` on."""
+        sample, pixel = divmod(self.paths_done, self.n_pixels)
+        wave = np.zeros((), layout.struct_dtype("Wave"))
+        wave["width"], wave["height"] = self.film.width, self.film.height
+        wave["first_pixel"], wave["first_sample"] = pixel, sample
+        wave["n_paths"] = min(self.wavefront.wave_size, end - self.paths_done)
+        wave["n_slots"] = self.wavefront.wave_size
+        wave["seed"] = self.scene.render.seed
+        wave["roulette_depth"] = self.scene.render.roulette_depth
+        return wave
+
+    def image(self) -> Image:
+        """The picture so far, with its statistics."""
+        mean, variance, _ = self.film.read(self.memory)
+        return Image(
+            rgb=mean,
+            variance=variance,
+            stats=self.stats(),
+            exposure_stops=self.scene.film.exposure_stops,
+        )
+
+    def stats(self) -> dict:
+        """What `--stats` writes; times in seconds, sizes in bytes."""
+        render = self.seconds.get("render", 0.0)
+        names = (*LOBES, "residual")
+        return {
+            "scene": self.scene.name,
+            "device": self.device.name,
+            "platform": self.device.platform,
+            "driver": self.device.driver_version,
+            "seed": self.scene.render.seed,
+            "spp": self.samples_done,
+            "sampling": self.scene.render.sampling,
+            "width": self.film.width,
+            "height": self.film.height,
+            "segments": self.n_segments,
+            "features": {
+                "compiled": self.features.as_dict(),
+                "left_out": left_out(self.features),
+            },
+            "seconds": dict(self.seconds),
+            "paths": self.paths_done,
+            "rays": self.rays,
+            "mrays_s": self.rays / render / 1e6 if render else 0.0,
+            "hits_per_path": int(self.lobe_counts.sum()) / max(self.paths_done, 1),
+            "lobes": {
+                name: int(self.lobe_counts[i])
+                for i, name in enumerate(names[: self.features.n_lobes])
+            },
+            "nonfinite": self.film.read_nonfinite(self.memory),
+            "bytes": {
+                "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+                "device_peak": self.memory.total_bytes,
+                "bvh": self.bvh_bytes,
+                "tables": self.memory.bytes["tables"] + self.memory.bytes["profiles"],
+            },
+            "wave_size": self.wavefront.wave_size,
+        }
+
+    @contextmanager
+    def _timed(self, name: str):
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+
+
+def render(
+    scene: Scene | str | os.PathLike,
+    *,
+    spp: int | None = None,
+    seed: int | None = None,
+    sampling: str | None = None,
+    max_depth: int | None = None,
+    device: str | Device | None = None,
+    progress: Progress | None = None,
+    time_limit: float | None = None,
+    wave_size: int | None = None,
+) -> Image:
+    """Render a scene.
+
+    Parameters
+    ----------
+    scene : Scene or path of a scene file
+    spp, seed, sampling, max_depth      override those of the scene
+    device : str or None                index or part of the name; None: FURCL_DEVICE, then the rule
+    progress : callable or None         called with (paths done, paths asked for) after every wave;
+                                        stops the render by returning true
+    time_limit : float or None          stop between waves after this time [s]
+    wave_size : int or None             paths traced together; changes no bit of the result
+
+    Returns
+    -------
+    Image       linear radiance, variance of the mean, stats; stats["complete"] is false where the
+                render was stopped before all samples were taken
+
+    Raises
+    ------
+    SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError
+    """
+    if not isinstance(scene, Scene):
+        from furcl.scene_io import load_scene
+
+        scene = load_scene(scene)
+    scene = with_overrides(scene, spp=spp, seed=seed, sampling=sampling, max_depth=max_depth)
+    renderer = Renderer(scene, device, wave_size)
+    complete = renderer.advance(scene.render.spp, progress, time_limit)
+    image = renderer.image()
+    image.stats["complete"] = complete
+    return image
+
+
+def camera_struct(scene: Scene, curves) -> np.ndarray:
+    """The struct Camera of a scene; frames the groom where the scene leaves that open."""
+    camera = scene.resolved_camera(curves)
+    origin, right, up, forward = camera.frame()
+    height = math.tan(0.5 * math.radians(camera.vfov_deg))
+    out = np.zeros((), layout.struct_dtype("Camera"))
+    out["origin"][:3] = origin
+    out["right"][:3] = right * height * scene.film.aspect
+    out["up"][:3] = up * height
+    out["forward"][:3] = forward
+    out["aperture_radius"] = camera.aperture_radius
+    out["focus_distance"] = camera.focus_distance or 0.0
+    out["filter_radius_px"] = scene.film.support_px
+    return out
+
+
+def body_struct(scene: Scene) -> np.ndarray:
+    """The struct Body of a scene; zeros without one."""
+    out = np.zeros((), layout.struct_dtype("Body"))
+    if scene.body is not None:
+        out["centre"][:3] = scene.body.centre
+        out["inv_radii"][:3] = np.reciprocal(np.array(scene.body.radii, np.float64))
+        out["albedo"][:3] = triple(scene.body.albedo)
+    return out

@@ -1,0 +1,60 @@
+"""From a scene to the `Features` of its kernels, with the reason for everything left out."""
+
+from __future__ import annotations
+
+from furcl.environment import ConstantLight, Environment
+from furcl.features import Features
+from furcl.fibre import Fibre
+from furcl.material import fibre_features
+from furcl.scene import Scene, triple
+
+
+def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Features:
+    """What the kernels of a scene need.
+
+    The environment is sampled (MIS) where `light_sampling` says so, and by "auto" unless it is
+    constant: then every direction is worth the same and sampling it gains nothing.
+    """
+    render = scene.render
+    light_sampling = render.light_sampling == "mis" or (
+        render.light_sampling == "auto" and environment.kind != "constant"
+    )
+    features = fibre_features(fibre, sampling=render.sampling, residual=render.residual)
+    grey = features.channels == 1 and _is_grey(scene, environment)
+    return features.with_(
+        channels=1 if grey else 3,
+        environment=environment.kind,
+        light_sampling=light_sampling,
+        body=scene.body is not None,
+        lens=scene.camera.aperture_radius > 0.0,
+        filter=scene.film.filter,
+        roulette=render.roulette_depth < render.max_depth,
+    )
+
+
+def _is_grey(scene: Scene, environment: Environment) -> bool:
+    light = isinstance(environment, ConstantLight) and len(set(environment.value.tolist())) == 1
+    body = scene.body is None or len(set(triple(scene.body.albedo))) == 1
+    return light and body
+
+
+def left_out(features: Features) -> dict[str, str]:
+    """What a build does without, and why: feature -> reason."""
+    reasons = {
+        "medulla": (features.medulla, "kappa is 0, or the medulla neither absorbs nor scatters"),
+        "scattered": (features.scattered, "kappa or sigma_ms is 0: lobes TTs and TRTs, profiles"),
+        "profile_channels": (features.profile_channels > 0, "sigma_ma is 0: no medulla absorption"),
+        "layered": (features.layered, "layers is 1/2: the cuticle is a plain interface"),
+        "tilt": (features.tilt, "alpha is 0"),
+        "residual": (features.residual, "render.residual is false: lobe TRRT+"),
+        "colour": (features.channels == 3, "fibre, light and body are grey: one channel"),
+        "light_sampling": (features.light_sampling, "the environment is not sampled"),
+        "body": (features.body, "the scene has no body"),
+        "lens": (features.lens, "aperture_radius is 0: pinhole"),
+        "roulette": (features.roulette, "roulette_depth is not below max_depth"),
+        "tables": (features.sampling != "uniform-h", "uniform-h needs no attenuation tables"),
+        "variance": (features.variance, "no variance was asked for"),
+        "statistics": (features.statistics, "no statistics were asked for"),
+        "debug": (features.debug, "FURCL_DEBUG is not set"),
+    }
+    return {name: reason for name, (there, reason) in reasons.items() if not there}

@@ -1,0 +1,203 @@
+"""The stages as kernel launches: one method a stage, in the order in which a wave meets them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+import pyopencl as cl
+
+from furcl import layout, program
+from furcl.buffers import Memory
+from furcl.device import Device
+from furcl.features import Features
+from furcl.film import Film
+from furcl.material import Material
+
+# One work-group size for every launch: CPU runtimes compile a kernel anew for each size.
+LOCAL_SIZE = 64
+
+STAGES = {
+    "generate": "generate.cl",
+    "intersect_closest": "intersect.cl",
+    "shade_escaped": "shade.cl",
+    "sample_lobe_h": "sample_lobe_h.cl",
+    "shade": "shade.cl",
+    "intersect_shadow": "intersect.cl",
+    "add_to_film": "film.cl",
+}
+
+
+class Wavefront:
+    """Path state, queues and the kernels that work on them.
+
+    Parameters
+    ----------
+    geometry : list                 BVH_PARAMETERS of kernels/include/bvh.clh: blocks, vertices,
+                                    strand offsets, number of strands
+    environment : Buffer
+    camera, body : structs of layout.STRUCTS
+    wave_size : int                 slots, i.e. paths traced together
+
+    Raises
+    ------
+    KernelBuildError    if a stage does not compile
+    ResourceError       if the state does not fit the device
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        features: Features,
+        material: Material,
+        geometry: list[cl.Buffer | np.uint32],
+        environment: cl.Buffer,
+        camera: np.ndarray,
+        body: np.ndarray,
+        film: Film,
+        wave_size: int,
+    ) -> None:
+        device: Device = memory.device
+        self.queue = device.queue
+        self.memory = memory
+        self.features = features
+        self.material = material
+        self.geometry = geometry
+        self.vertices = geometry[1]
+        self.environment = environment
+        self.camera = camera
+        self.body = body
+        self.film = film
+        self.wave_size = wave_size
+        self.events: dict[str, list[cl.Event]] = defaultdict(list)
+        self.keep_events = False
+        self._kernels = {
+            stage: cl.Kernel(program.build(device, file, features), stage)
+            for stage, file in STAGES.items()
+            if stage != "intersect_shadow" or features.light_sampling
+        }
+        n_planes = len(layout.planes(features))
+        self.state = memory.allocate("path state", 4 * n_planes * wave_size)
+        self.active, self.next, self.hits, self.misses, self.shadows = (
+            memory.allocate(f"queue {name}", 4 * wave_size)
+            for name in ("active", "next", "hits", "misses", "shadows")
+        )
+        # Lengths of the active queue (of the bounce before) and of the queues being filled.
+        self.active_counts, self.counts = (
+            memory.allocate(f"queue lengths {name}", 4 * layout.N_COUNTS) for name in ("in", "out")
+        )
+        self.lobe_counts = memory.allocate("lobe counts", 4 * 8, zero=True)
+        self._host_counts = np.zeros(layout.N_COUNTS, np.uint32)
+
+    def generate(self, wave: np.ndarray) -> int:
+        """Start the wave's paths; returns how many are active."""
+        n = int(wave["n_paths"])
+        cl.enqueue_fill_buffer(self.queue, self.active_counts, np.uint32(n), 0, 4)
+        self._launch("generate", n, self.state, self.active, wave, self.camera)
+        return n
+
+    def intersect_closest(self, wave: np.ndarray, active: int) -> None:
+        """Find what every active path meets next: fills the hit and miss queues."""
+        cl.enqueue_fill_buffer(self.queue, self.counts, np.uint32(0), 0, 4 * layout.N_COUNTS)
+        self._launch(
+            "intersect_closest",
+            active,
+            self.state,
+            self.active,
+            self.hits,
+            self.misses,
+            self.active_counts,
+            self.counts,
+            wave["n_slots"],
+            self.body,
+            *self.geometry,
+        )
+
+    def shade_escaped(self, wave: np.ndarray, active: int) -> None:
+        """Add the environment to the paths that met nothing; they end."""
+        self._launch(
+            "shade_escaped", active, self.state, self.misses, self.counts, wave, self.environment
+        )
+
+    def sample_lobe_h(self, wave: np.ndarray, active: int, depth: int) -> None:
+        """Choose lobe and offset for the paths that met a fibre."""
+        self._launch(
+            "sample_lobe_h",
+            active,
+            self.state,
+            self.hits,
+            self.counts,
+            wave,
+            np.uint32(depth),
+            self.material.params,
+            self.vertices,
+            self.material.table_buffer,
+            self.material.profile_buffer,
+            self.lobe_counts,
+        )
+
+    def shade(self, wave: np.ndarray, active: int, depth: int) -> None:
+        """Continue the paths that met something: fills the next and shadow queues."""
+        self._launch(
+            "shade",
+            active,
+            self.state,
+            self.hits,
+            self.next,
+            self.shadows,
+            self.counts,
+            wave,
+            np.uint32(depth),
+            self.material.params,
+            self.body,
+            self.vertices,
+            self.material.table_buffer,
+            self.material.profile_buffer,
+            self.environment,
+        )
+
+    def intersect_shadow(self, wave: np.ndarray, active: int) -> None:
+        """Add the light samples that nothing hides."""
+        if self.features.light_sampling:
+            self._launch(
+                "intersect_shadow",
+                active,
+                self.state,
+                self.shadows,
+                self.counts,
+                wave["n_slots"],
+                self.body,
+                *self.geometry,
+            )
+
+    def swap(self) -> np.ndarray:
+        """Make the next queue the active one; returns the queue lengths (layout.COUNT_*)."""
+        cl.enqueue_copy(self.queue, self._host_counts, self.counts)
+        self.active, self.next = self.next, self.active
+        self.active_counts, self.counts = self.counts, self.active_counts
+        return self._host_counts
+
+    def add_to_film(self, wave: np.ndarray) -> None:
+        """Add the wave's finished paths to the film."""
+        n_lanes = min(int(wave["n_paths"]), self.film.width * self.film.height)
+        self._launch(
+            "add_to_film",
+            n_lanes,
+            self.state,
+            self.film.planes,
+            self.film.n_samples,
+            self.film.nonfinite,
+            wave,
+        )
+
+    def read_lobe_counts(self) -> np.ndarray:
+        """Selections of each lobe since the last call, (n_lobes,) int64; sets them to zero."""
+        counts = self.memory.read(self.lobe_counts, 8, np.uint32)[: self.features.n_lobes]
+        cl.enqueue_fill_buffer(self.queue, self.lobe_counts, np.uint32(0), 0, 4 * 8)
+        return counts.astype(np.int64)
+
+    def _launch(self, stage: str, n: int, *arguments) -> None:
+        size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
+        event = self._kernels[stage](self.queue, size, (LOCAL_SIZE,), *arguments)
+        if self.keep_events:
+            self.events[stage].append(event)
