@@ -38,7 +38,7 @@ def triple(value: float | Triple) -> Triple:
 
 def _check_range(name: str, value: Rgb, low: float, high: float) -> None:
     if not all(low <= number <= high for number in triple(value)):
-        raise ValueError(f"{name} = {value} is outside [{low:g}, {high:g}]; change it")
+        raise ValueError(f"{name} = {value}: allowed is {low:g} to {high:g}, as one number or three")
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -253,6 +253,8 @@ def _refuse(message: str, document: Document, source: str) -> NoReturn:
         raise SceneError(
             f"{source}: {key} is missing; add it to the file or give --set {key}=VALUE"
         )
+    if re.match(r"\w+ = ", what):  # a table's own check, which names its key
+        raise SceneError(f"{source}: {where}.{what}")
     if not where:
         raise SceneError(f"{source}: {what}")
     choices = typing.get_args(hint) if typing.get_origin(hint) is Literal else ()

@@ -1,0 +1,387 @@
+"""Scenes: what is read, what is refused and in which words, overrides, cameras."""
+
+from __future__ import annotations
+
+import gc
+import math
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from furcl import procedural
+from furcl.camera import Camera
+from furcl.colour import sigma_ca_from_colour, sigma_ca_from_melanin
+from furcl.curves import Curves
+from furcl.errors import SceneError
+from furcl.fibre import Fibre
+from furcl.groom_io import save_curves
+from furcl.scene import Film, Scene
+from furcl.scene_io import apply_overrides, decode_scene, load_scene, with_overrides
+
+SCENES = Path(__file__).parents[1] / "scenes"
+NAMES = sorted(path.stem for path in SCENES.glob("*.toml") if path.stem != "groom")
+
+MINIMAL = """
+[fibre]
+preset = "human-black"
+
+[environment]
+kind = "constant"
+
+[curves]
+generator = "fibre"
+"""
+
+
+def document(**tables):
+    """The minimal scene with tables replaced."""
+    base = {
+        "fibre": {"preset": "human-black"},
+        "environment": {"kind": "constant"},
+        "curves": {"generator": "fibre"},
+    }
+    return {**base, **tables}
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "tiny.toml"
+    path.write_text(MINIMAL)
+    return path
+
+
+@pytest.fixture
+def groom_file(tmp_path):
+    points = [[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 2, 3]]
+    path = tmp_path / "two.npz"
+    save_curves(Curves.from_arrays(points, [0.1, 0.1, 0.2, 0.2], [0, 2, 4]), path)
+    return path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_scenes_of_the_project_load(name):
+    scene = load_scene(SCENES / f"{name}.toml")
+    assert scene.name == name
+    assert isinstance(scene.build_fibre(), Fibre)
+
+
+def test_the_collector_survives_the_tables():
+    # msgspec up to 0.22 crashed here on a union of a constrained number and a tuple of such numbers.
+    for name in NAMES:
+        load_scene(SCENES / f"{name}.toml")
+        gc.collect()
+
+
+def test_the_papers_three_scenes_use_its_fibres_and_its_sampling():
+    for name, preset in (
+        ("black_hair", "human-black"),
+        ("white_hair", "human-white"),
+        ("raccoon", "raccoon"),
+    ):
+        scene = load_scene(SCENES / f"{name}.toml")
+        assert scene.build_fibre() == Fibre.preset(preset)
+        assert scene.render.light_sampling == "bcsdf"
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if load_scene(SCENES / f"{n}.toml").body])
+def test_bodies_are_just_inside_the_skin(name):
+    scene = load_scene(SCENES / f"{name}.toml")
+    assert scene.body is not None
+    parameters = {k: getattr(scene.curves, k) for k in scene.curves.__struct_fields__}
+    generator = str(scene.curves.__struct_config__.tag)
+    fitting = procedural.body_of(generator, parameters)
+    assert fitting is not None
+    assert scene.body.centre == pytest.approx(fitting[0])
+    assert scene.body.radii == pytest.approx(fitting[1], rel=5e-3)
+
+
+def test_groom_scene_asks_for_a_file():
+    with pytest.raises(
+        SceneError, match=r"groom\.toml: curves\.file is missing; .* --set curves\.file=VALUE"
+    ):
+        load_scene(SCENES / "groom.toml")
+
+
+def test_groom_scene_renders_any_file(groom_file, monkeypatch):
+    monkeypatch.chdir(groom_file.parent)
+    scene = load_scene(SCENES / "groom.toml", overrides=["curves.file=two.npz"])
+    curves = scene.build_curves()
+    assert curves.n_strands == 2
+    assert scene.resolved_camera(curves).origin is not None
+
+
+def test_defaults(scene_file):
+    scene = load_scene(scene_file)
+    assert scene.name == "tiny"
+    assert (scene.render.spp, scene.render.max_depth, scene.body) == (64, 1000, None)
+    assert scene.film.support_px == 1.5
+
+
+def test_keywords_replace_values(scene_file):
+    scene = load_scene(
+        scene_file, spp=3, seed=9, size="40x30", sampling="uniform-h", max_depth=7
+    )
+    render = scene.render
+    assert (render.spp, render.seed, render.sampling, render.max_depth) == (3, 9, "uniform-h", 7)
+    assert (scene.film.width, scene.film.height) == (40, 30)
+    assert with_overrides(scene, size=(8, 4), spp=None).film == Film(width=8, height=4)
+    with pytest.raises(TypeError, match="unknown keyword 'samples'"):
+        load_scene(scene_file, samples=3)
+
+
+def test_overrides_take_toml_values_and_bare_words(scene_file):
+    scene = load_scene(
+        scene_file,
+        overrides=[
+            "render.spp=16",
+            "environment.radiance=[1, 2.5, 3]",
+            "film.filter=tent",
+            'name="quoted = name"',
+            "fibre.melanin.eumelanin=2",
+            "body.albedo=0.5",
+        ],
+    )
+    assert scene.render.spp == 16
+    assert scene.environment.radiance == (1.0, 2.5, 3.0)
+    assert scene.film.filter == "tent"
+    assert scene.name == "quoted = name"
+    assert scene.build_fibre().sigma_ca == sigma_ca_from_melanin(2.0)
+    assert scene.body is not None
+
+
+def test_overrides_leave_the_document_alone():
+    before = document()
+    after = apply_overrides(before, ["render.spp=2", "fibre.kappa=0.5"])
+    assert before == document()
+    assert after["render"] == {"spp": 2}
+
+
+def test_files_are_relative_to_the_scene_or_the_current_folder(groom_file, tmp_path, monkeypatch):
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    path = folder / "a.toml"
+    path.write_text(MINIMAL.replace('generator = "fibre"', 'file = "../two.npz"'))
+    scene = load_scene(path)
+    assert scene.build_curves().n_strands == 2
+    monkeypatch.chdir(tmp_path)
+    assert load_scene(path, overrides=["curves.file=two.npz"]).build_curves().n_strands == 2
+    monkeypatch.chdir(folder)
+    with pytest.raises(SceneError, match=r"curves\.file = .*two\.npz': there is no such file"):
+        load_scene(path, overrides=["curves.file=two.npz"])
+
+
+def test_y_up_grooms_are_turned(groom_file):
+    curves = {"generator": "file", "file": str(groom_file), "radius_scale": 2.0, "up_axis": "y"}
+    turned = decode_scene(document(curves=curves)).build_curves()
+    np.testing.assert_allclose(turned.points[[1, 3]], [[0, 0, 1], [1, -3, 2]])
+    np.testing.assert_allclose(turned.radii, [0.2, 0.2, 0.4, 0.4])
+
+
+def test_generators_get_their_parameters():
+    curves = {"generator": "fur", "n_strands": 50, "length": 0.1, "seed": 5, "comb": [1, 0, 0]}
+    found = decode_scene(document(curves=curves)).build_curves()
+    expected = procedural.fur(n_strands=50, length=0.1, seed=5, comb=(1.0, 0.0, 0.0))
+    assert np.array_equal(found.points, expected.points)
+
+
+@pytest.mark.parametrize("generator", procedural.GENERATORS)
+def test_every_parameter_of_a_generator_is_a_key(generator):
+    parameters = procedural.GENERATORS[generator].__kwdefaults__
+    table = {k: list(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
+    scene = decode_scene(document(curves={"generator": generator, **table}))
+    assert {k: getattr(scene.curves, k) for k in parameters} == parameters
+
+
+@pytest.mark.parametrize(
+    ("table", "sigma_ca"),
+    [
+        ({"preset": "human-white"}, (0.41,) * 3),
+        ({"preset": "human-white", "sigma_ca": 1}, (1.0,) * 3),
+        ({"preset": "human-white", "sigma_ca": [1, 2, 3]}, (1.0, 2.0, 3.0)),
+        (
+            {"preset": "human-white", "melanin": {"eumelanin": 1, "pheomelanin": 2}},
+            sigma_ca_from_melanin(1.0, 2.0),
+        ),
+        (
+            {"colour": [0.5, 0.3, 0.1], "beta_n_deg": 20},
+            sigma_ca_from_colour((0.5, 0.3, 0.1), 20.0),
+        ),
+    ],
+)
+def test_colours_of_fibres(table, sigma_ca):
+    assert decode_scene(document(fibre=table)).build_fibre().sigma_ca == pytest.approx(sigma_ca)
+
+
+def test_fibre_parameters_replace_those_of_the_preset():
+    fibre = decode_scene(document(fibre={"preset": "raccoon", "kappa": 0.5})).build_fibre()
+    assert fibre == Fibre.preset("raccoon", kappa=0.5)
+
+
+BAD = [
+    ({"rendr": {}}, "unknown key rendr; did you mean render?"),
+    ({"render": {"ssp": 3}}, "unknown key render.ssp; did you mean render.spp?"),
+    ({"environment": {"kind": "sky", "turbidty": 3}}, "did you mean environment.turbidity?"),
+    ({"environment": {"kind": "constant", "file": "a"}}, "environment.file with kind = 'constant'"),
+    ({"curves": {"generator": "hair", "strands": 9}}, "did you mean curves.n_strands?"),
+    ({"fibre": {"preset": "raccoon", "melanin": {"eu": 1}}}, "unknown key fibre.melanin.eu"),
+    ({"fiber": {"preset": "raccoon"}}, "unknown key fiber; did you mean fibre?"),
+    ({"body": {"albedo": [0, 2, 0]}}, "body.albedo = (0.0, 2.0, 0.0): allowed is 0 to 1"),
+    (
+        {"environment": {"kind": "constant", "radiance": math.nan}},
+        "environment.radiance = nan: allowed is 0 to 1e+09",
+    ),
+    ({"body": {"center": [0, 0, 0]}}, "unknown key body.center; did you mean body.centre?"),
+    ({"render": {"spp": 0}}, "render.spp = 0: expected `int` >= 1"),
+    ({"render": {"spp": 1.5}}, "render.spp = 1.5: expected `int`, got `float`"),
+    ({"render": {"spp": True}}, "render.spp = True: expected `int`, got `bool`"),
+    ({"render": {"sampling": "full-cfd"}}, "did you mean 'full-cdf'?"),
+    ({"render": 3}, "render = 3: expected `object`, got `int`"),
+    ({"film": {"filter": "sinc"}}, "film.filter = 'sinc': allowed are gaussian, tent, box"),
+    ({"film": {"width": 0}}, "film.width = 0: expected `int` >= 1"),
+    ({"film": {"filter_radius_px": 9}}, "film.filter_radius_px = 9: expected `float` <= 4.0"),
+    ({"camera": {"vfov_deg": 180}}, "camera.vfov_deg = 180: expected `float` <= 170.0"),
+    ({"camera": {"vfov_deg": math.nan}}, "camera.vfov_deg = nan: expected `float`"),
+    ({"camera": {"up": [0, math.inf, 0]}}, "camera.up[1] = inf: expected `float` <="),
+    ({"camera": {"up": [0, 1]}}, "camera.up = [0, 1]: expected `array` of length 3, got 2"),
+    ({"camera": {"up": [0, 0, 0]}}, "camera.up = (0.0, 0.0, 0.0) is zero or along the view"),
+    ({"camera": {"origin": [1, 0, 0]}}, "camera: origin is given without target"),
+    (
+        {"camera": {"origin": [1, 0, 0], "target": [1, 0, 0]}},
+        "camera: origin and target are the same point",
+    ),
+    (
+        {"camera": {"origin": [0, 0, 9], "target": [0, 0, 0]}},
+        "camera.up = (0.0, 0.0, 1.0) is zero or along the view",
+    ),
+    (
+        {"camera": {"origin": [1, 0, 0], "target": [0, 0, 0], "margin": 0.1}},
+        "camera: margin frame the groom automatically",
+    ),
+    ({"environment": {"kind": "moon"}}, "environment.kind = 'moon': allowed are constant, sky"),
+    ({"environment": {}}, "environment.kind is missing"),
+    ({"environment": {"kind": "image"}}, "environment.file is missing"),
+    (
+        {"environment": {"kind": "image", "file": "/none.exr"}},
+        "environment.file = '/none.exr': there is no such file",
+    ),
+    (
+        {"environment": {"kind": "constant", "radiance": -1}},
+        "environment.radiance = -1.0: allowed is 0 to 1e+09",
+    ),
+    ({"environment": {"kind": "sky", "turbidity": 1}}, "environment.turbidity = 1: expected"),
+    ({"curves": {"generator": "hare"}}, "did you mean 'hair'?"),
+    ({"curves": {}}, "curves.file is missing"),
+    ({"curves": {"generator": "hair", "style": "bob"}}, "allowed are straight, wavy, curly"),
+    ({"curves": {"generator": "hair", "n_strands": 0}}, "curves.n_strands = 0: expected"),
+    ({"curves": {"generator": "hair", "scalp_radii": [1, 1]}}, "curves.scalp_radii = [1, 1]"),
+    ({"fibre": {}}, "fibre: there is neither a preset nor a colour"),
+    ({"fibre": {"preset": "racoon"}}, "did you mean 'raccoon'?"),
+    ({"fibre": {"preset": "raccoon", "kappa": 2}}, "fibre.kappa = 2.0"),
+    ({"fibre": {"preset": "raccoon", "sigma_ca": -1}}, "fibre.sigma_ca = -1.0 - allowed is"),
+    ({"fibre": {"colour": [2, 0.5, 0.5]}}, "fibre.colour = [2.0, 0.5, 0.5]"),
+    (
+        {"fibre": {"sigma_ca": 1, "colour": [0.5, 0.5, 0.5]}},
+        "fibre: the colour is given by sigma_ca and colour; keep one",
+    ),
+    ({"fibre": None}, "fibre = None: expected `object`, got `null`"),
+]
+
+
+@pytest.mark.parametrize(("tables", "message"), BAD, ids=[m for _, m in BAD])
+def test_bad_values_are_refused_by_name(tables, message):
+    with pytest.raises(SceneError) as caught:
+        decode_scene(document(**tables), "a.toml")
+    assert str(caught.value).startswith("a.toml: ")
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("table", ["fibre", "environment", "curves"])
+def test_missing_tables(table):
+    with pytest.raises(SceneError, match=f"a.toml: {table} is missing; add it"):
+        decode_scene({k: v for k, v in document().items() if k != table}, "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "there is no such scene file"),
+        (b"[render\n", "not valid TOML: .* line 1"),
+        (b"HAIR\xff\xfe", "byte 4 is not UTF-8; a scene is a TOML text"),
+        (b"[render]\nspp = 1\nspp = 2\n", "not valid TOML"),
+        (b"", "fibre is missing"),
+    ],
+)
+def test_bad_files(tmp_path, content, message):
+    path = tmp_path / "bad.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SceneError, match=rf"bad\.toml: {message}"):
+        load_scene(path)
+
+
+def test_a_folder_is_no_scene(tmp_path):
+    with pytest.raises(SceneError, match="cannot be read"):
+        load_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("render.spp", "expected KEY=VALUE with a dotted key"),
+        ("=3", "expected KEY=VALUE"),
+        ("render..spp=3", "expected KEY=VALUE"),
+        ("fibre.preset.x=3", "fibre.preset is a value, not a table"),
+        ("render.spp=many", "render.spp = 'many': expected `int`, got `str`"),
+        ("render.sp=3", "unknown key render.sp; did you mean render.spp?"),
+        ("curves.file=none.hair", "unknown key curves.file with generator = 'fibre'"),
+    ],
+)
+def test_bad_overrides(scene_file, override, message):
+    with pytest.raises(SceneError) as caught:
+        load_scene(scene_file, overrides=[override])
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("size", ["40", "40x", "axb", (1, 2, 3), "-1x4"])
+def test_bad_sizes(scene_file, size):
+    with pytest.raises(SceneError, match="expected WxH in pixels"):
+        load_scene(scene_file, size=size)
+
+
+def test_scenes_survive_a_round_trip(scene_file):
+    scene = load_scene(SCENES / "red_fox.toml")
+    again = decode_scene(msgspec.to_builtins(scene))
+    assert again == scene
+    assert isinstance(again, Scene)
+
+
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("view", [(0.0, 0.0), (30.0, 20.0), (-120.0, -60.0), (90.0, 89.0)])
+@pytest.mark.parametrize("margin", [0.0, 0.3])
+def test_framing_holds_the_box_and_touches_the_margin(aspect, view, margin):
+    lo, hi = np.array([-1.0, 2.0, 5.0]), np.array([3.0, 2.5, 9.0])
+    camera = Camera(azimuth_deg=view[0], elevation_deg=view[1], margin=margin, vfov_deg=40.0)
+    found = camera.resolved((lo, hi), aspect)
+    origin, right, up, forward = found.frame()
+    corners = np.array([[x, y, z] for x in (-1, 3) for y in (2, 2.5) for z in (5, 9)]) - origin
+    depth = corners @ forward
+    slope = math.tan(math.radians(20.0))
+    places = np.stack([corners @ right / aspect, corners @ up]) / (depth * slope)
+    assert (depth > 0.0).all()
+    assert np.abs(places).max() == pytest.approx(1.0 - margin, rel=1e-9)
+    assert np.linalg.det([right, up, -forward]) == pytest.approx(1.0)
+    assert found.focus_distance == pytest.approx(np.linalg.norm(origin - 0.5 * (lo + hi)))
+
+
+def test_an_explicit_camera_focuses_on_its_target():
+    camera = Camera(origin=(0, -5, 0), target=(0, 0, 0)).resolved(([0] * 3, [1] * 3))
+    assert camera.focus_distance == 5.0
+    origin, right, up, forward = camera.frame()
+    np.testing.assert_allclose([origin, right, up, forward], [[0, -5, 0], [1, 0, 0], [0, 0, 1], [0, 1, 0]])
+
+
+def test_a_camera_must_be_resolved_first():
+    with pytest.raises(ValueError, match=r"call resolved\(bounds, aspect\) first"):
+        Camera().frame()
