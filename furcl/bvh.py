@@ -73,17 +73,17 @@ def build_bvh(curves: Curves) -> Bvh:
     children, bounds = _binary_tree(primitives)
     del primitives
     choice = bvh_native.choose_collapse(children, bounds)
-    edges, first, width, stack_size = bvh_native.plan_blocks(children, choice)
+    lanes, refs, stack_size = bvh_native.plan_blocks(children, choice)
     if stack_size > BVH_STACK_SIZE:
         raise BvhError(
             f"the tree of {len(vertices)} segments needs a stack of {stack_size} entries, kernels "
             f"have {BVH_STACK_SIZE}; the groom is extremely uneven: split it"
         )
     del choice
-    blocks = np.zeros((len(edges), BVH_BLOCK_WORDS), np.uint32)
-    views = blocks.view(np.uint8), blocks, blocks.view(np.float32)
-    bvh_native.fill_inner(*views, edges, first, width, bounds)
-    bvh_native.fill_leaves(*views, edges, first, children, curves.points, curves.radii, vertices)
+    blocks = np.zeros((len(lanes), BVH_BLOCK_WORDS), np.uint32)
+    bvh_native.fill_blocks(
+        blocks, lanes, refs, children, bounds, curves.points, curves.radii, vertices
+    )
     return Bvh(
         blocks=blocks,
         vertices=np.concatenate([curves.points, curves.radii[:, None]], axis=1),
