@@ -190,8 +190,9 @@ def choose(candidates: Sequence[Candidate], spec: str, asked_by: str) -> Candida
     for candidate in sorted(named, key=Candidate.rank):
         verdict = candidate.verdict()
         if verdict.passed:
+            for failure in failures:
+                log.info("passed over: %s", failure)
             return candidate
-        log.info("passed over: %s: %s", candidate.description, verdict.reason)
         failures.append(f"{candidate.description}: {verdict.reason}")
     error = DeviceError if spec else NoDeviceError
     raise error(

@@ -27,6 +27,7 @@ _EXPLANATIONS = (
         "unknown target CPU",
         "its compiler (LLVM) is older than this CPU; a newer OpenCL runtime is needed",
     ),
+    ('Executable "ld" doesn\'t exist', "it needs the linker ld: install the package binutils"),
     ("OUT_OF_HOST_MEMORY", "it ran out of memory"),
     ("COMPILER_NOT_AVAILABLE", "it comes without a compiler"),
     ("INVALID_DEVICE", "it no longer exists"),
@@ -57,7 +58,7 @@ def explain(output: str, code: int) -> str:
         if sign in output:
             return words
     lines = [line.strip() for line in output.splitlines() if line.strip()]
-    last = lines[-1] if lines else "it printed nothing"
+    last = lines[-1].rstrip(".") if lines else "it printed nothing"
     if code < 0:
         return f"it ends the process with {signal.Signals(-code).name}: {last}"
     return lines[0] if lines else last

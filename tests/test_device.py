@@ -159,6 +159,7 @@ def test_philox_known_answers(counter: str, key: str, expected: str) -> None:
     ("output", "code", "words"),
     [
         ("error: unknown target CPU 'generic'\n", 10, "older than this CPU"),
+        ('error: Executable "ld" doesn\'t exist!\nfailed.\n', -6, "package binutils"),
         ("LLVM ERROR: no pass\n", -6, "SIGABRT: LLVM ERROR: no pass"),
         ("", -11, "SIGSEGV: it printed nothing"),
         ("float8 arithmetic: differs\nmore\n", 10, "float8 arithmetic: differs"),
