@@ -1,4 +1,4 @@
-"""The camera table of a scene: perspective, look-at or framed automatically, pinhole or thin lens."""
+"""The camera table of a scene: perspective, placed by hand or framed, pinhole or thin lens."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ DEFAULT_MARGIN = 0.05
 class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Perspective camera.
 
-    With `origin` and `target` it looks from one to the other. Without, `resolved` places it so that a
-    groom fills the picture, on the side that `azimuth_deg` and `elevation_deg` name.
+    With `origin` and `target` it looks from one to the other. Without, `resolved` places it so that
+    a groom fills the picture, on the side that `azimuth_deg` and `elevation_deg` name.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     focus_distance : float        along the view axis, world units; the target's by default
     azimuth_deg : float           of the camera seen from the groom [deg], from +x towards +y; 0
     elevation_deg : float         of the camera over the horizon [deg], -89..89; 10
-    margin : float                part of the half picture left free on the tightest side, 0..0.9; 0.05
+    margin : float                part of the half picture that stays free, 0..0.9; 0.05
     """
 
     origin: Vec3 | None = None
@@ -60,7 +60,7 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
                 f"{', '.join(framing)} frame the groom automatically and origin places the camera "
                 f"by hand; remove one or the other"
             )
-        if self.origin is None:
+        if self.origin is None or self.target is None:
             view = -self._side()
         else:
             view = np.subtract(self.target, self.origin)
@@ -105,11 +105,8 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         free = 1.0 - (DEFAULT_MARGIN if self.margin is None else self.margin)
         slope = math.tan(math.radians(self.vfov_deg) / 2.0) * free
         depth = corners @ forward
-        distance = float(
-            np.maximum(np.abs(corners @ right) / (slope * aspect), np.abs(corners @ up) / slope)
-            .__sub__(depth)
-            .max()
-        )
+        across, along = np.abs(corners @ right) / aspect, np.abs(corners @ up)
+        distance = float((np.maximum(across, along) / slope - depth).max())
         if not distance > 0.0:
             raise ValueError(f"the box {lo.tolist()} to {hi.tolist()} has no size to frame")
         x, y, z = (centre + distance * side).tolist()
@@ -125,7 +122,7 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         )
 
     def frame(self) -> tuple[NDArray[np.float64], ...]:
-        """Origin and the unit vectors right, up and forward of an explicit camera, (3,) float64 each.
+        """Origin and the unit vectors right, up and forward of an explicit camera, (3,) float64.
 
         The ray through the film position (x, y), both in 0..1 with y = 0 at the top, goes along
         forward + tan(vfov/2) * (aspect * (2 x - 1) * right + (1 - 2 y) * up).

@@ -41,7 +41,8 @@ def rmse(test: ArrayLike, reference: ArrayLike) -> float:
 
 
 def relmse(test: ArrayLike, reference: ArrayLike, epsilon: float = REL_EPSILON) -> float:
-    """Mean over pixels and channels of (test - reference)^2 / (reference^2 + epsilon), epsilon 0.01.
+    """Mean over pixels and channels of (test - reference)^2 / (reference^2 + epsilon), epsilon
+    0.01.
 
     The definition of Rousselle et al. 2011 with their epsilon; ImageError as `rmse`.
     """
@@ -52,9 +53,9 @@ def relmse(test: ArrayLike, reference: ArrayLike, epsilon: float = REL_EPSILON) 
 def flip(test: ArrayLike, reference: ArrayLike) -> float:
     """Mean HDR-FLIP error, 0 (equal) to 1, at 67 pixels a degree (Andersson et al. 2021).
 
-    Exposures run from the one that shows the reference's brightest pixel to the one that shows the median of
-    its lit pixels; black pixels take no part, as a black background would ask for an exposure without bound.
-    Negative values count as 0.
+    Exposures run from the one that shows the reference's brightest pixel to the one that shows the
+    median of its lit pixels; black pixels take no part, as a black background would ask for an
+    exposure without bound. Negative values count as 0.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def z_scores(test: Image, reference: Image) -> ZScores:
 
 
 def compare(test: Image, reference: Image) -> dict[str, Any]:
-    """All distances at once: rmse, relmse, flip, largest (with its place), z where variances are known."""
+    """All distances at once: rmse, relmse, flip, largest, and z where variances are known."""
     largest = largest_difference(test.rgb, reference.rgb)
     result: dict[str, Any] = {
         "rmse": rmse(test.rgb, reference.rgb),
@@ -150,8 +151,8 @@ def _pair(test: ArrayLike, reference: ArrayLike) -> tuple[NDArray[np.float64], N
     a, b = np.asarray(test, np.float64), np.asarray(reference, np.float64)
     if a.shape != b.shape or a.ndim != 3 or a.shape[2] != 3:
         raise ImageError(
-            f"the pictures have the shapes {a.shape} and {b.shape}; two (H, W, 3) of one size can be "
-            f"compared: render both with the same --size"
+            f"the pictures have the shapes {a.shape} and {b.shape}; two (H, W, 3) of one size "
+            f"can be compared: render both with the same --size"
         )
     for name, x in (("first", a), ("second", b)):
         if not np.isfinite(x).all():

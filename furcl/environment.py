@@ -1,7 +1,7 @@
 """The light around the scene, on the host: what the kernels' environment.clh computes, in float64.
 
-The device gets one float32 buffer: the parameters of `layout.ENVIRONMENT_FIELDS` and, for images, the
-texels (H, W, 3), then with light sampling the marginal (H,) and conditional (H, W) tables.
+The device gets one float32 buffer: the parameters of `layout.ENVIRONMENT_FIELDS` and, for images,
+the texels (H, W, 3), then with light sampling the marginal (H,) and conditional (H, W) tables.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ MIN_CHANCE = 0.05
 class Environment:
     """Light from infinity.
 
-    All functions take unit directions (n, 3) that point away from the scene, world z up. Densities are per
-    solid angle [1/sr] and positive wherever there is light; `sample` takes uniform numbers (n, 2) in [0, 1).
+    All functions take unit directions (n, 3) that point away from the scene, world z up. Densities
+    are per solid angle [1/sr] and positive wherever there is light; `sample` takes uniform numbers
+    (n, 2) in [0, 1).
     """
 
     kind = ""
@@ -111,14 +112,14 @@ class ConstantLight(Environment):
 
 @dataclass(frozen=True, eq=False)
 class SkyLight(Environment):
-    """Sky, sun and ground; sampled as a mixture, uniform over the sun's cone and over each hemisphere."""
+    """Sky, sun and ground; sampling mixes the sun's cone and both hemispheres, uniform in each."""
 
     sky: Sky
     kind = "sky"
 
     @property
     def chances(self) -> tuple[float, float, float]:
-        """Chances of sampling the sun, the upper and the lower hemisphere, by their luminous power."""
+        """Chances of sampling the sun, the upper and the lower hemisphere, by luminous power."""
         power = luminance(
             np.stack(
                 [

@@ -27,7 +27,8 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
 
     Raises
     ------
-    ImageError          if the file is missing, no OpenEXR file or damaged, or has deep or subsampled channels
+    ImageError          if the file is missing, no OpenEXR file or damaged, or has deep or
+                        subsampled channels
     """
     import OpenEXR
 
@@ -90,7 +91,7 @@ def write_exr(
 
 @contextlib.contextmanager
 def _quiet():
-    """Keep the library's own lines on damaged files off the terminal; the exception says the same."""
+    """Keep the library's lines on damaged files off the terminal; its exception repeats them."""
     saved = os.dup(2)
     try:
         with Path(os.devnull).open("wb") as sink:

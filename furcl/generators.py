@@ -1,4 +1,4 @@
-"""The tables of the groom generators, made from `furcl.procedural`: its signatures and its ranges."""
+"""The tables of the groom generators, made from signatures and ranges of `furcl.procedural`."""
 
 from __future__ import annotations
 
@@ -44,9 +44,21 @@ def _table(generator: str, ranges: dict[str, tuple[Any, ...]]) -> Any:
     )
 
 
-HairCurves: Any = _table("hair", procedural.HAIR_RANGES)
-FurCurves: Any = _table("fur", procedural.FUR_RANGES)
-FibreCurves: Any = _table("fibre", procedural.FIBRE_RANGES)
+if TYPE_CHECKING:
+
+    class HairCurves(msgspec.Struct, frozen=True):
+        """Hair on an ellipsoidal scalp."""
+
+    class FurCurves(msgspec.Struct, frozen=True):
+        """Fur on a sphere or a patch."""
+
+    class FibreCurves(msgspec.Struct, frozen=True):
+        """Parallel straight fibres."""
+
+else:
+    HairCurves = _table("hair", procedural.HAIR_RANGES)
+    FurCurves = _table("fur", procedural.FUR_RANGES)
+    FibreCurves = _table("fibre", procedural.FIBRE_RANGES)
 
 
 def build_generated(table: msgspec.Struct) -> Curves:

@@ -19,7 +19,8 @@ from furcl.exr import read_exr, rgb_of, write_exr
 from furcl.files import atomic_path
 
 SUFFIXES = (".exr", ".png")
-# Statistics that get a header attribute of their own; all of them are in the attribute `furcl:stats`.
+# Statistics that get a header attribute of their own; all of them are in the attribute
+# `furcl:stats`.
 HEADER_KEYS = ("version", "git", "scene", "seed", "spp", "sampling", "device", "driver", "features")
 STATS_ATTRIBUTE = "furcl:stats"
 
@@ -31,7 +32,8 @@ class Image:
     Attributes
     ----------
     rgb : (H, W, 3) float32         mean of the samples, row 0 on top
-    variance : (H, W, 3) float32    variance of that mean (sample variance over spp), or None if unknown
+    variance : (H, W, 3) float32    variance of that mean (sample variance over spp), or None if
+                                    unknown
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
     """
@@ -46,7 +48,8 @@ class Image:
             raise ImageError(f"rgb has the shape {self.rgb.shape}; expected (H, W, 3)")
         if self.variance is not None and self.variance.shape != self.rgb.shape:
             raise ImageError(
-                f"variance has the shape {self.variance.shape}; expected that of rgb, {self.rgb.shape}"
+                f"variance has the shape {self.variance.shape}; expected that of rgb, "
+                f"{self.rgb.shape}"
             )
 
     @property
@@ -84,7 +87,8 @@ class Image:
         return cls(rgb_of(channels, path), variance, stats)
 
     def save(self, path: str | Path) -> None:
-        """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at `exposure_stops`).
+        """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
+        `exposure_stops`).
 
         The file appears whole or not at all; an older one of that name is kept until then.
 
@@ -95,7 +99,8 @@ class Image:
         path = Path(path)
         if path.suffix.lower() not in SUFFIXES:
             raise ImageError(
-                f"{path}: the suffix {path.suffix!r} names no picture format; use {' or '.join(SUFFIXES)}"
+                f"{path}: the suffix {path.suffix!r} names no picture format; use "
+                f"{' or '.join(SUFFIXES)}"
             )
         if not path.parent.is_dir():
             raise ImageError(f"{path}: the folder {path.parent} does not exist; create it first")

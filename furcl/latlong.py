@@ -1,7 +1,7 @@
 """Latitude-longitude light images: lookup and importance sampling.
 
-Row 0 is +z, the last row -z. The middle column is +x and the picture's right half is -y, as one sees it
-from inside (not mirrored); a rotation turns the light from +x towards +y.
+Row 0 is +z, the last row -z. The middle column is +x and the picture's right half is -y, as one
+sees it from inside (not mirrored); a rotation turns the light from +x towards +y.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ class LatLong:
     rotation : float                about +z [turns]
     n_negative : int                pixels with a negative channel, which was set to zero
 
-    Cells are the pixels. A cell's chance goes with the luminance of the bilinear interpolant averaged over
-    it, so it is positive wherever the interpolant is; inside, directions are uniform in solid angle. The
-    density is taken from the differences of the float32 tables, so it is exactly what sampling gives, and
-    no formula divides by sin(theta) at the poles.
+    Cells are the pixels. A cell's chance goes with the luminance of the bilinear interpolant
+    averaged over it, so it is positive wherever the interpolant is; inside, directions are uniform
+    in solid angle. The density is taken from the differences of the float32 tables, so it is
+    exactly what sampling gives, and no formula divides by sin(theta) at the poles.
     """
 
     texels: NDArray[np.float32]
@@ -60,7 +60,8 @@ class LatLong:
         window, whole = (header.get(key) for key in ("dataWindow", "displayWindow"))
         if window is not None and whole is not None and not np.array_equal(window, whole):
             raise ImageError(
-                f"{path}: holds only the part {np.array(window).tolist()} of {np.array(whole).tolist()}; "
+                f"{path}: holds only the part {np.array(window).tolist()} of "
+                f"{np.array(whole).tolist()}; "
                 f"save the whole sphere"
             )
         rgb = rgb_of(channels, path)
@@ -86,7 +87,8 @@ class LatLong:
             row, column, channel = (int(i) for i in np.argwhere(bad)[0])
             raise ImageError(
                 f"{source}: {'RGB'[channel]} of the pixel in column {column}, row {row} is "
-                f"{rgb[row, column, channel]} ({int(bad.any(axis=2).sum())} such pixels); repair the image"
+                f"{rgb[row, column, channel]} ({int(bad.any(axis=2).sum())} such pixels); "
+                f"repair the image"
             )
         n_negative = int((rgb < 0.0).any(axis=2).sum())
         with np.errstate(over="ignore"):
@@ -95,7 +97,7 @@ class LatLong:
             raise ImageError(
                 f"{source}: times the scale {scale:g} overflows float32; use a smaller scale"
             )
-        weights = _cell_weights(luminance(texels.astype(np.float64)))
+        weights = _cell_weights(np.asarray(luminance(texels), np.float64))
         if not weights.any():
             raise ImageError(f"{source}: every pixel is black; a light image needs light")
         height = len(weights)
@@ -169,7 +171,7 @@ class LatLong:
 
 
 def _cell_weights(values: Array) -> Array:
-    """Mean over each cell of the bilinear interpolant of `values` (H, W): 1/8, 3/4, 1/8 on both axes."""
+    """Mean over each cell of the bilinear interpolant of (H, W): 1/8, 3/4, 1/8 on both axes."""
     across = 0.75 * values + 0.125 * (np.roll(values, 1, axis=1) + np.roll(values, -1, axis=1))
     above = np.concatenate([across[:1], across[:-1]])
     below = np.concatenate([across[1:], across[-1:]])

@@ -18,15 +18,16 @@ _RESOLUTION = re.compile(rb"^([+-])([XY]) +(\d+) +([+-])([XY]) +(\d+)$")
 def read_hdr(path: str | Path) -> NDArray[np.float32]:
     """The picture as (H, W, 3) float32, row 0 on top, linear RGB.
 
-    Mantissas count from the middle of their step, (m + 1/2) 2^(e - 136), as in Radiance itself; EXPOSURE
-    and COLORCORR of the header are divided out.
+    Mantissas count from the middle of their step, (m + 1/2) 2^(e - 136), as in Radiance itself;
+    EXPOSURE and COLORCORR of the header are divided out.
 
     Raises
     ------
-    ImageError      if the file is missing, of another kind, in XYZ, or damaged; names the byte or scanline
+    ImageError      if the file is missing, of another kind, in XYZ, or damaged; names the byte or
+                    scanline
 
-    Source: the format description in Ward, "Real pixels", Graphics Gems II, and the Radiance file formats
-    document.
+    Source: the format description in Ward, "Real pixels", Graphics Gems II, and the Radiance file
+    formats document.
     """
     path = Path(path)
     if not path.is_file():
@@ -45,7 +46,8 @@ def read_hdr(path: str | Path) -> NDArray[np.float32]:
     match = _RESOLUTION.match(line)
     if not match or match[2] == match[5]:
         raise ImageError(
-            f"{path}: the line after the header is {line[:40]!r}; expected a size such as -Y 512 +X 1024"
+            f"{path}: the line after the header is {line[:40]!r}; expected a size such as "
+            f"-Y 512 +X 1024"
         )
     n_lines, n_pixels = int(match[3]), int(match[6])
     sides = min(n_lines, n_pixels), max(n_lines, n_pixels)
@@ -71,7 +73,8 @@ def _header(text: bytes, path: Path) -> NDArray[np.float64]:
         key, _, value = line.partition(b"=")
         if key == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
             raise ImageError(
-                f"{path}: FORMAT={value.decode('ascii', 'replace').strip()}; only 32-bit_rle_rgbe is read; "
+                f"{path}: FORMAT={value.decode('ascii', 'replace').strip()}; only "
+                f"32-bit_rle_rgbe is read; "
                 f"convert it (ra_xyze -r)"
             )
         if key in (b"EXPOSURE", b"COLORCORR"):

@@ -1,7 +1,8 @@
 """The tables of a scene file, with the range of every value in its type.
 
-Angles are in degrees (`_deg`), lengths in world units, absorption per fibre radius, radiance linear with
-Rec.709 primaries. Unknown keys are refused; `furcl.scene_io` reads files and words the messages.
+Angles are in degrees (`_deg`), lengths in world units, absorption per fibre radius, radiance linear
+with Rec.709 primaries. Unknown keys are refused; `furcl.scene_io` reads files and words the
+messages.
 """
 
 from __future__ import annotations
@@ -38,18 +39,21 @@ def triple(value: float | Triple) -> Triple:
 
 def _check_range(name: str, value: Rgb, low: float, high: float) -> None:
     if not all(low <= number <= high for number in triple(value)):
-        raise ValueError(f"{name} = {value}: allowed is {low:g} to {high:g}, as one number or three")
+        raise ValueError(
+            f"{name} = {value}: allowed is {low:g} to {high:g}, as one number or three"
+        )
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of the tables of a scene."""
 
 
-class Film(Table, kw_only=True):
+class Film(Table, frozen=True, kw_only=True):
     """Picture size and pixel filter.
 
-    The filters are products of two 1-D ones with the stated half width: box; tent; gaussian with standard
-    deviation filter_radius_px / 3, cut at the half width. `exposure_stops` acts on PNG files only.
+    The filters are products of two 1-D ones with the stated half width: box; tent; gaussian with
+    standard deviation filter_radius_px / 3, cut at the half width. `exposure_stops` acts on PNG
+    files only.
     """
 
     width: Annotated[int, Meta(ge=1, le=16384)] = 512
@@ -71,18 +75,18 @@ class Film(Table, kw_only=True):
         return self.width / self.height
 
 
-class Melanin(Table, kw_only=True):
+class Melanin(Table, frozen=True, kw_only=True):
     """Concentrations of the pigments of hair, 0..100 (0.3 blond, 1.3 brown, 8 black)."""
 
     eumelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
 
 
-class FibreTable(Table, kw_only=True):
+class FibreTable(Table, frozen=True, kw_only=True):
     """A preset, parameters that replace its own, and the colour in at most one of three ways.
 
-    Without a preset exactly one of sigma_ca, colour and melanin is required and the other parameters
-    default to those of `furcl.Fibre`, which also states the ranges.
+    Without a preset exactly one of sigma_ca, colour and melanin is required and the other
+    parameters default to those of `furcl.Fibre`, which also states the ranges.
     """
 
     preset: str | None = None
@@ -132,7 +136,7 @@ class FibreTable(Table, kw_only=True):
         return fibre
 
 
-class ConstantEnvironment(Table, kw_only=True, tag_field="kind", tag="constant"):
+class ConstantEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="constant"):
     """The same radiance from everywhere."""
 
     radiance: Rgb = 1.0
@@ -141,12 +145,12 @@ class ConstantEnvironment(Table, kw_only=True, tag_field="kind", tag="constant")
         _check_range("radiance", self.radiance, 0.0, 1e9)
 
 
-class SkyEnvironment(Table, kw_only=True, tag_field="kind", tag="sky"):
+class SkyEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="sky"):
     """Clear daylight sky with a sun disc over a ground of constant radiance, see `furcl.sky`.
 
-    `scale` turns kcd/m^2 into radiance. The sun's illuminance does not depend on `sun_radius_deg`: a
-    broader sun is dimmer. `sun_scale` = 0 leaves the disc out. The ground's radiance follows from the
-    light that falls on it and `ground_albedo`.
+    `scale` turns kcd/m^2 into radiance. The sun's illuminance does not depend on `sun_radius_deg`:
+    a broader sun is dimmer. `sun_scale` = 0 leaves the disc out. The ground's radiance follows from
+    the light that falls on it and `ground_albedo`.
     """
 
     sun_elevation_deg: Annotated[float, Meta(ge=0.0, le=90.0)] = 45.0
@@ -161,7 +165,7 @@ class SkyEnvironment(Table, kw_only=True, tag_field="kind", tag="sky"):
         _check_range("ground_albedo", self.ground_albedo, 0.0, 1.0)
 
 
-class ImageEnvironment(Table, kw_only=True, tag_field="kind", tag="image"):
+class ImageEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="image"):
     """Latitude-longitude image (.exr or .hdr), turned about +z by `rotation_deg`, times `scale`."""
 
     file: str
@@ -169,10 +173,11 @@ class ImageEnvironment(Table, kw_only=True, tag_field="kind", tag="image"):
     scale: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0
 
 
-class FileCurves(Table, kw_only=True, tag_field="generator", tag="file"):
-    """A groom file. Radii in it are multiplied by `radius_scale`; `default_radius` replaces missing ones.
+class FileCurves(Table, frozen=True, kw_only=True, tag_field="generator", tag="file"):
+    """A groom file.
 
-    `up_axis` = "y" turns a groom whose +y is up so that it stands along +z (and its +z looks along -y).
+    Radii are multiplied by `radius_scale`; `default_radius` stands in where the file has none.
+    `up_axis` = "y" turns a groom whose +y is up to stand along +z, facing -y if it faced +z.
     """
 
     file: str
@@ -181,7 +186,7 @@ class FileCurves(Table, kw_only=True, tag_field="generator", tag="file"):
     up_axis: Literal["y", "z"] = "z"
 
 
-class Body(Table, kw_only=True):
+class Body(Table, frozen=True, kw_only=True):
     """Diffuse ellipsoid inside the groom that stops light."""
 
     centre: Vec3 = (0.0, 0.0, 0.0)
@@ -197,12 +202,13 @@ class Body(Table, kw_only=True):
         return centre - radii, centre + radii
 
 
-class Render(Table, kw_only=True):
+class Render(Table, frozen=True, kw_only=True):
     """Samples and samplers.
 
     `light_sampling`: "bcsdf" samples fibres only, "mis" also the environment, "auto" chooses by the
-    environment. Paths end at `max_depth`; from `roulette_depth` on they may end at random without bias.
-    `residual` adds the light of three and more internal reflections, so that white fibres conserve energy.
+    environment. Paths end at `max_depth`; from `roulette_depth` on they may end at random without
+    bias. `residual` adds the light of three and more internal reflections, so that white fibres
+    conserve energy.
     """
 
     spp: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
@@ -214,7 +220,7 @@ class Render(Table, kw_only=True):
     residual: bool = False
 
 
-class Scene(Table, kw_only=True):
+class Scene(Table, frozen=True, kw_only=True):
     """A whole scene. File names in it are absolute once `furcl.load_scene` has read it."""
 
     name: str = ""
@@ -251,7 +257,7 @@ class Scene(Table, kw_only=True):
         return dataclasses.replace(curves, points=points)
 
     def resolved_camera(self, curves: Curves) -> Camera:
-        """The camera with all places filled in, framing the groom and the body if it frames at all."""
+        """The camera with all places filled in; if it frames, it frames groom and body."""
         lo, hi = curves.bounds()
         if self.body is not None:
             body_lo, body_hi = self.body.bounds()

@@ -37,7 +37,8 @@ def load_scene(path: str | Path, *, overrides: Iterable[str] = (), **keywords: A
     path : path                 of the scene file; relative files in it are sought beside it
     overrides : list of str     "dotted.key=VALUE", see `apply_overrides`
     spp, seed, sampling, max_depth : replace the value of that name in the table [render]
-    size : (w, h) or "WxH"      replaces width and height in [film]; a keyword that is None changes nothing
+    size : (w, h) or "WxH"      replaces width and height in [film]
+                                (a keyword that is None changes nothing)
 
     Returns
     -------
@@ -45,8 +46,8 @@ def load_scene(path: str | Path, *, overrides: Iterable[str] = (), **keywords: A
 
     Raises
     ------
-    SceneError                  unknown key (with the nearest known one), value outside its range, missing
-                                file, bad TOML; the message starts with the file name and the key
+    SceneError                  unknown key (with the nearest known one), value outside its range,
+                                missing file, bad TOML; the message starts with file name and key
     """
     path = Path(path)
     try:
@@ -87,8 +88,9 @@ def apply_overrides(document: Document, overrides: Iterable[str]) -> Document:
     Parameters
     ----------
     document : dict             tables as `tomllib` gives them
-    overrides : list of str     "dotted.key=VALUE" with a TOML value; text that is no TOML value is a string,
-                                so quotes may be left out. Relative files are sought in the current directory.
+    overrides : list of str     "dotted.key=VALUE" with a TOML value; text that is no TOML value is
+                                a string, so quotes may be left out. Relative files are sought in
+                                the current directory.
 
     Raises
     ------

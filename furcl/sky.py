@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Coefficients A to E of the Perez formula for luminance Y and chromaticities x and y: (slope, offset) in
-# the turbidity. Preetham et al. 1999, appendix A.2.
+# Coefficients A to E of the Perez formula for luminance Y and chromaticities x and y: (slope,
+# offset) in the turbidity. Preetham et al. 1999, appendix A.2.
 PEREZ = {
-    "Y": ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)),
-    "x": ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452)),
-    "y": ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529)),
+    "Y": ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771),
+          (-0.0670, 0.3703)),
+    "x": ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989),
+          (-0.0033, 0.0452)),
+    "y": ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537),
+          (-0.0109, 0.0529)),
 }  # fmt: skip
 # Chromaticity of the zenith: rows turbidity^2, turbidity, 1; columns theta_sun^3, ^2, ^1, 1.
 ZENITH_X = (
@@ -40,7 +43,8 @@ XYZ_TO_REC709 = np.array(
         [0.0556434, -0.2040259, 1.0572252],
     ]
 )
-# Illuminance of the sun outside the atmosphere [klx] and the wavelengths [um] that stand for R, G and B.
+# Illuminance of the sun outside the atmosphere [klx] and the wavelengths [um] that stand for R, G
+# and B.
 SOLAR_ILLUMINANCE_KLX = 128.0
 WAVELENGTHS_UM = np.array([0.610, 0.550, 0.465])
 # At this cosine the horizon factors exp(B / cos) are below 1e-57: 0 in float32.
@@ -58,7 +62,8 @@ class Sky:
     sun_radiance : (3,) float64     of the disc, on top of the sky behind it
     ground_radiance : (3,) float64
     perez : (3, 5) float64          rows Y, x, y; columns A to E
-    zenith : (3,) float64           Y (scaled), x, y over F(0, theta_sun), the factor before the Perez formula
+    zenith : (3,) float64           Y (scaled), x, y over F(0, theta_sun), the factor before the
+                                    Perez formula
     """
 
     sun: Array
@@ -127,7 +132,7 @@ class Sky:
         return np.maximum(xyz @ XYZ_TO_REC709.T, 0.0)
 
     def sky_integral(self, cosine: bool) -> Array:
-        """Integral of the sky's radiance over the upper hemisphere (3,), weighted with cos(theta) or not.
+        """Integral (3,) of the sky's radiance over the upper hemisphere, with cos(theta) or not.
 
         Midpoint rule in azimuth, Gauss-Legendre in z; relative error below 1e-4
         (test_environment.py::test_sky_integral).
@@ -152,7 +157,7 @@ class Sky:
         return self.sun_radiance * math.pi * math.sin(self.sun_radius) ** 2 * self.sun[2]
 
     def sun_power(self) -> Array:
-        """Integral of the disc's radiance over the directions (3,), were it wholly above the horizon."""
+        """Integral of the disc's radiance over all its directions (3,), as if wholly risen."""
         return self.sun_radiance * self.sun_solid_angle
 
     @property
@@ -173,8 +178,9 @@ def zenith_luminance(turbidity: float, theta_sun: float) -> float:
 def sun_illuminance(turbidity: float, theta_sun: float) -> Array:
     """Illuminance on a plane facing the sun [klx], (r, g, b).
 
-    Rayleigh and aerosol extinction of Preetham et al. 1999, appendix A.1, at one wavelength a channel; the
-    weaker absorption by ozone, mixed gases and water is left out and the sun outside the air is white.
+    Rayleigh and aerosol extinction of Preetham et al. 1999, appendix A.1, at one wavelength a
+    channel; the weaker absorption by ozone, mixed gases and water is left out and the sun outside
+    the air is white.
     """
     elevation_deg = 90.0 - math.degrees(theta_sun)
     mass = 1.0 / (math.cos(theta_sun) + 0.15 * (elevation_deg + 3.885) ** -1.253)

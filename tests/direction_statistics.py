@@ -9,7 +9,7 @@ ALPHA = 0.01
 
 
 def sidak(family: int, alpha: float = ALPHA) -> float:
-    """Level of one test of `family` tests so that all together reject a truth with probability alpha."""
+    """Level of one of `family` tests that together reject a truth with probability alpha."""
     return 1.0 - (1.0 - alpha) ** (1.0 / family)
 
 

@@ -12,7 +12,7 @@ from environments import ENVIRONMENTS, make_environment
 from furcl.environment import Environment, ImageLight
 from furcl.errors import ImageError
 from furcl.latlong import LatLong
-from furcl.scene import ConstantEnvironment, ImageEnvironment, SkyEnvironment
+from furcl.scene import ConstantEnvironment, ImageEnvironment
 from furcl.sky import Sky, sun_illuminance, zenith_luminance
 
 N_SAMPLES = 600_000
@@ -33,7 +33,7 @@ def make_sky(turbidity=3.0, elevation_deg=45.0, radius_deg=0.2665, **changes):
 
 
 def preetham_xyy(turbidity, theta_sun, theta, gamma):
-    """Luminance [kcd/m^2] and chromaticity as the paper's appendix prints them, scalar arithmetic."""
+    """Luminance [kcd/m^2] and chromaticity as the paper's appendix prints them, in scalars."""
     t, s = turbidity, theta_sun
     chi = (4 / 9 - t / 120) * (math.pi - 2 * s)
     zenith = {
@@ -48,10 +48,10 @@ def preetham_xyy(turbidity, theta_sun, theta, gamma):
     rows = {
         "Y": (0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771,
               -0.0670 * t + 0.3703),
-        "x": (-0.0193 * t - 0.2592, -0.0665 * t + 0.0008, -0.0004 * t + 0.2125, -0.0641 * t - 0.8989,
-              -0.0033 * t + 0.0452),
-        "y": (-0.0167 * t - 0.2608, -0.0950 * t + 0.0092, -0.0079 * t + 0.2102, -0.0441 * t - 1.6537,
-              -0.0109 * t + 0.0529),
+        "x": (-0.0193 * t - 0.2592, -0.0665 * t + 0.0008, -0.0004 * t + 0.2125,
+              -0.0641 * t - 0.8989, -0.0033 * t + 0.0452),
+        "y": (-0.0167 * t - 0.2608, -0.0950 * t + 0.0092, -0.0079 * t + 0.2102,
+              -0.0441 * t - 1.6537, -0.0109 * t + 0.0529),
     }  # fmt: skip
 
     def perez(row, theta, gamma):
@@ -59,11 +59,13 @@ def preetham_xyy(turbidity, theta_sun, theta, gamma):
         horizon = 1 + a * math.exp(b / math.cos(theta))
         return horizon * (1 + c * math.exp(d * gamma) + e * math.cos(gamma) ** 2)
 
-    return [zenith[k] * perez(rows[k], theta, gamma) / perez(rows[k], 0.0, s) for k in ("Y", "x", "y")]
+    return [
+        zenith[k] * perez(rows[k], theta, gamma) / perez(rows[k], 0.0, s) for k in ("Y", "x", "y")
+    ]
 
 
 def to_xyy(rgb):
-    """Luminance and chromaticity of linear Rec.709 from its primaries and white, not from a matrix."""
+    """Luminance and chromaticity of linear Rec.709 from its primaries and white."""
     primaries = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])
     xyz = np.column_stack([primaries, 1.0 - primaries.sum(axis=1)]).T
     white = np.array([0.3127, 0.3290, 1.0 - 0.3127 - 0.3290]) / 0.3290
@@ -219,7 +221,7 @@ def test_negative_pixels_are_counted_and_clamped():
 def test_pixels_that_are_no_numbers_are_refused(value):
     rgb = np.ones((4, 8, 3), np.float32)
     rgb[2, 5, 1] = value
-    with pytest.raises(ImageError, match="map.exr: G of the pixel in column 5, row 2"):
+    with pytest.raises(ImageError, match=r"map\.exr: G of the pixel in column 5, row 2"):
         LatLong.make(rgb, source="map.exr")
 
 
@@ -233,7 +235,9 @@ def test_buffers_hold_tables_only_for_sampling():
     assert sizes == [3 + 8 * 16 * 3, 3 + 8 * 16 * 3 + 8 + 8 * 16]
 
 
-@pytest.mark.parametrize(("name", "n_negative"), [("forest", 826), ("studio", None), ("sunrise", None)])
+@pytest.mark.parametrize(
+    ("name", "n_negative"), [("forest", 826), ("studio", None), ("sunrise", None)]
+)
 def test_real_maps(shared_data, name, n_negative, rng):
     light = Environment.from_scene(ImageEnvironment(file=str(shared_data / "env" / f"{name}.exr")))
     assert isinstance(light, ImageLight)

@@ -49,7 +49,8 @@ def run(device, environment: Environment, kernel: str, values, *, light_sampling
     n = len(values)
     inputs = [environment.device_buffer(light_sampling), np.ascontiguousarray(values, np.float32)]
     buffers = [
-        cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=array) for array in inputs
+        cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=array)
+        for array in inputs
     ]
     outputs = [np.zeros((n, 3), np.float32), np.zeros(n, np.float32)]
     buffers += [cl.Buffer(device.context, flags.WRITE_ONLY, array.nbytes) for array in outputs]

@@ -69,9 +69,7 @@ def test_a_foreign_exr_needs_no_variance(tmp_path):
 def test_png_is_srgb_at_the_exposure(stops):
     values = np.array([0.0, 0.001, 0.18, 0.5, 1.0, 40.0], np.float32)
     rgb = np.repeat(values[None, :, None], 3, axis=2)
-    found = np.asarray(
-        PillowImage.open(io.BytesIO(Image(rgb, exposure_stops=stops).png_bytes()))
-    )
+    found = np.asarray(PillowImage.open(io.BytesIO(Image(rgb, exposure_stops=stops).png_bytes())))
     for linear, byte in zip(values, found[0, :, 0], strict=True):
         x = min(float(linear) * 2.0**stops, 1.0)
         curve = 12.92 * x if x <= 0.0031308 else 1.055 * x ** (1 / 2.4) - 0.055
@@ -208,7 +206,11 @@ def test_z_scores_see_a_bias(rng, bias):
     ("test", "reference", "message"),
     [
         (np.zeros((2, 3, 3)), np.zeros((3, 2, 3)), r"the shapes \(2, 3, 3\) and \(3, 2, 3\)"),
-        (np.full((2, 3, 3), np.nan), np.zeros((2, 3, 3)), "the first picture is .* column 0, row 0"),
+        (
+            np.full((2, 3, 3), np.nan),
+            np.zeros((2, 3, 3)),
+            "the first picture is .* column 0, row 0",
+        ),
     ],
 )
 @pytest.mark.parametrize("distance", [compare.rmse, compare.relmse, compare.largest_difference])

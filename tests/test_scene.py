@@ -17,7 +17,7 @@ from furcl.curves import Curves
 from furcl.errors import SceneError
 from furcl.fibre import Fibre
 from furcl.groom_io import save_curves
-from furcl.scene import Film, Scene
+from furcl.scene import ConstantEnvironment, Film, Scene
 from furcl.scene_io import apply_overrides, decode_scene, load_scene, with_overrides
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -68,7 +68,8 @@ def test_scenes_of_the_project_load(name):
 
 
 def test_the_collector_survives_the_tables():
-    # msgspec up to 0.22 crashed here on a union of a constrained number and a tuple of such numbers.
+    # msgspec up to 0.22 crashed here on a union of a constrained number and a tuple of such
+    # numbers.
     for name in NAMES:
         load_scene(SCENES / f"{name}.toml")
         gc.collect()
@@ -120,9 +121,7 @@ def test_defaults(scene_file):
 
 
 def test_keywords_replace_values(scene_file):
-    scene = load_scene(
-        scene_file, spp=3, seed=9, size="40x30", sampling="uniform-h", max_depth=7
-    )
+    scene = load_scene(scene_file, spp=3, seed=9, size="40x30", sampling="uniform-h", max_depth=7)
     render = scene.render
     assert (render.spp, render.seed, render.sampling, render.max_depth) == (3, 9, "uniform-h", 7)
     assert (scene.film.width, scene.film.height) == (40, 30)
@@ -144,7 +143,7 @@ def test_overrides_take_toml_values_and_bare_words(scene_file):
         ],
     )
     assert scene.render.spp == 16
-    assert scene.environment.radiance == (1.0, 2.5, 3.0)
+    assert scene.environment == ConstantEnvironment(radiance=(1.0, 2.5, 3.0))
     assert scene.film.filter == "tent"
     assert scene.name == "quoted = name"
     assert scene.build_fibre().sigma_ca == sigma_ca_from_melanin(2.0)
@@ -188,7 +187,7 @@ def test_generators_get_their_parameters():
 
 @pytest.mark.parametrize("generator", procedural.GENERATORS)
 def test_every_parameter_of_a_generator_is_a_key(generator):
-    parameters = procedural.GENERATORS[generator].__kwdefaults__
+    parameters = procedural.GENERATORS[generator].__kwdefaults__ or {}
     table = {k: list(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
     scene = decode_scene(document(curves={"generator": generator, **table}))
     assert {k: getattr(scene.curves, k) for k in parameters} == parameters
@@ -379,7 +378,9 @@ def test_an_explicit_camera_focuses_on_its_target():
     camera = Camera(origin=(0, -5, 0), target=(0, 0, 0)).resolved(([0] * 3, [1] * 3))
     assert camera.focus_distance == 5.0
     origin, right, up, forward = camera.frame()
-    np.testing.assert_allclose([origin, right, up, forward], [[0, -5, 0], [1, 0, 0], [0, 0, 1], [0, 1, 0]])
+    np.testing.assert_allclose(
+        [origin, right, up, forward], [[0, -5, 0], [1, 0, 0], [0, 0, 1], [0, 1, 0]]
+    )
 
 
 def test_a_camera_must_be_resolved_first():
