@@ -8,6 +8,7 @@ import logging
 import os
 import re
 import time
+import warnings
 from pathlib import Path
 
 import pyopencl as cl
@@ -113,7 +114,9 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
         (Path(dump) / f"{name}.{key}.cl").write_text(text)
     start = time.perf_counter()
     try:
-        program = cl.Program(device.context, text).build(list(OPTIONS), cache_dir=False)
+        with warnings.catch_warnings():  # Intel's compiler says "done" and pyopencl warns of it
+            warnings.simplefilter("ignore", cl.CompilerWarning)
+            program = cl.Program(device.context, text).build(list(OPTIONS), cache_dir=False)
     except cl.Error as error:
         raise KernelBuildError(
             f"{name} does not compile on {device.name} ({device.platform}) with {features}; "

@@ -36,8 +36,21 @@ class Report(Protocol):
         ...
 
 
-def _rate(per_second: float) -> str:
-    return f"{per_second / 1e6:.2f} M samples/s"
+class _Speed:
+    """Path samples a second and seconds left, from the first report on: without the set-up."""
+
+    def __init__(self) -> None:
+        self.first: tuple[float, int] | None = None
+
+    def __call__(self, done: int, total: int) -> str:
+        now = time.monotonic()
+        if self.first is None:
+            self.first = (now, done)
+        seconds, samples = now - self.first[0], done - self.first[1]
+        if seconds <= 0.0 or samples <= 0:
+            return ""
+        rate = samples / seconds
+        return f"{rate / 1e6:.2f} M samples/s, {(total - done) / rate:.0f} s left"
 
 
 @contextmanager
@@ -52,42 +65,33 @@ def progress_report() -> Iterator[Report]:
 
 class _LogLines:
     def __init__(self) -> None:
-        self.start = self.last = time.monotonic()
+        self.last = time.monotonic()
+        self.speed = _Speed()
 
     def __call__(self, done: int, total: int) -> None:
-        now = time.monotonic()
-        if now - self.last < LOG_INTERVAL_S and done < total:
+        speed = self.speed(done, total)
+        if time.monotonic() - self.last < LOG_INTERVAL_S and done < total:
             return
-        self.last = now
-        seconds = max(now - self.start, 1e-3)
-        left = seconds * (total - done) / max(done, 1)
-        share = 100.0 * done / max(total, 1)
-        log.info("%3.0f %%, %.0f s left, %s", share, left, _rate(done / seconds))
+        self.last = time.monotonic()
+        log.info("%s", f"{100.0 * done / total:3.0f} %, {speed}".rstrip(", "))
 
 
 @contextmanager
 def _bar() -> Iterator[Report]:
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     columns = (
-        TextColumn("rendering"),
+        TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[speed]}"),
     )
     with Progress(*columns, console=CONSOLE) as progress:
-        task = progress.add_task("", total=None, rate="")
-        start = time.monotonic()
+        task = progress.add_task("setting up", total=None, speed="")
+        speed = _Speed()
 
         def report(done: int, total: int) -> None:
-            seconds = max(time.monotonic() - start, 1e-3)
-            progress.update(task, completed=done, total=total, rate=_rate(done / seconds))
+            text = speed(done, total)
+            progress.update(task, description="rendering", completed=done, total=total, speed=text)
 
         yield report
