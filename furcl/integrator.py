@@ -23,6 +23,7 @@ from furcl.material import build_material
 from furcl.scene import Scene, triple
 from furcl.scene_io import with_overrides
 from furcl.specialise import left_out, scene_features
+from furcl.version import software
 from furcl.wavefront import Wavefront
 
 #: Called after every wave with the paths finished and the paths asked for; true stops the render.
@@ -77,6 +78,7 @@ class Renderer:
             ]
         with self._timed("tables"):
             environment = Environment.from_scene(scene.environment)
+            self.environment_pixels_clamped = environment.n_negative
             fibre = scene.build_fibre()
             self.features = scene_features(scene, fibre, environment)
             self.material = build_material(self.memory, fibre, self.features)
@@ -187,7 +189,9 @@ class Renderer:
         render = self.seconds.get("render", 0.0)
         names = (*LOBES, "residual")
         return {
+            **software(),
             "scene": self.scene.name,
+            "environment_pixels_clamped": self.environment_pixels_clamped,
             "device": self.device.name,
             "platform": self.device.platform,
             "driver": self.device.driver_version,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from furcl import compare
 from furcl.errors import ImageError
 from furcl.exr import write_exr
 from furcl.image import Image
+from furcl.version import software
 
 
 @pytest.fixture
@@ -54,6 +57,13 @@ def test_exr_header_names_what_made_it(picture, tmp_path):
     assert header["furcl:sampling"] == "full-cdf"
     assert header["furcl:features"] == '{"lens": true}'
     assert header["chromaticities"][:2] == pytest.approx((0.64, 0.33))
+
+
+def test_software_is_a_version_and_a_commit():
+    found = software()
+    assert re.fullmatch(r"\d+\.\d+\.\d+\S*|not installed", found["version"])
+    if (Path(__file__).parents[1] / ".git").exists():
+        assert re.fullmatch(r"\S*[0-9a-f]{12}(-dirty)?", found["git"])
 
 
 def test_a_foreign_exr_needs_no_variance(tmp_path):
