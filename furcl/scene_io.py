@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import os
 import re
 import tomllib
 import types
@@ -29,7 +30,9 @@ _KEYWORDS = {
 }
 
 
-def load_scene(path: str | Path, *, overrides: Iterable[str] = (), **keywords: Any) -> Scene:
+def load_scene(
+    path: str | os.PathLike[str], *, overrides: Iterable[str] = (), **keywords: Any
+) -> Scene:
     """Read a TOML scene.
 
     Parameters
