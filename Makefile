@@ -1,12 +1,12 @@
 # make demo | test | lint | types | imports | lock | clean. Each sets up what it needs in .venv.
 VENV := .venv
 BIN := $(VENV)/bin
-DEMO := --size 512x512 --spp 64
+DEMO := --size 384x384 --spp 64 --time-limit 50
 
 .PHONY: demo test lint types imports lock clean setup
 .DEFAULT_GOAL := demo
 
-# Render black hair to out/black_hair.exr and out/black_hair.png.
+# Render black hair to out/black_hair.exr and out/black_hair.png, in less than a minute.
 demo: $(VENV)/.device
 	$(BIN)/furcl render scenes/black_hair.toml -o out/black_hair.exr $(DEMO)
 
