@@ -3,6 +3,7 @@
 # PYTHON=... names the interpreter. As root, or with sudo, missing parts come through apt-get.
 set -euo pipefail
 folder=$1
+PYTHON=${PYTHON:-}
 
 is_suitable() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null; }
 has_venv() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
@@ -26,7 +27,7 @@ install_packages() {
 }
 
 python=$(find_python)
-if [ -z "$python" ]; then # Ubuntu 22.04 has 3.11 beside its python3
+if [ -z "$python$PYTHON" ]; then # Ubuntu 22.04 has 3.11 beside its python3
     install_packages python3.11 python3.11-venv || true
     python=$(find_python)
 fi
