@@ -14,7 +14,7 @@ from furcl.procedural.roots import noise_map, thinned, unit_directions
 from furcl.procedural.strands import Block, Ellipsoid, HalfSpace
 
 # The undercoat is crimped and stands up more than the guard hairs.
-UNDERCOAT_FRIZZ = 3.0
+UNDERCOAT_FRIZZ = 2.0
 UNDERCOAT_LEAN = 0.7
 
 
@@ -87,7 +87,7 @@ def fur(
     comb_noise_deg : float       standard deviation of the swirl, 0 .. 180 [deg]
     n_clumps : int               0 (none) .. 1e6
     clumping : float             pull of the clump at the tip, 0 .. 1
-    frizz : float                wander of single strands at the tip, 0 .. 1 [unit]
+    frizz : float                wander of the longest strands at the tip, 0 .. 1 [unit]
     undercoat : float            fraction of the strands that are undercoat, 0 .. 1
     undercoat_length, undercoat_radius : float   relative to the others, 0.01 .. 1
 
@@ -133,6 +133,7 @@ def fur(
             pull = profile * strands.float32(clumping * rng.uniform(0.5, 1.0, n))
             clumps.draw(block, own, lengths[own], pull)
         wander = frizz * np.where(under[own], UNDERCOAT_FRIZZ, rng.uniform(0.4, 1.6, n))
+        wander *= lengths[own] / length
         strands.frizz(block, strands.float32(wander), rng)
         strands.keep_out(block, maps.solid(), lengths[own] / np.float32(n_points - 1))
         points[own] = block.transpose(2, 0, 1)

@@ -57,10 +57,11 @@ def scalp_roots(n: int, solid: Ellipsoid, hairline_deg, rng: Rng) -> Block:
 def root_directions(roots: Block, solid: Ellipsoid, combing: Combing) -> Block:
     """Unit directions (3, n) in which strands leave their roots (3, n)."""
     normal = solid.normal(roots)
-    x = (roots[0] - solid.centre[0]) / solid.radii[0]
+    x, y, _ = (roots - solid.centre) / solid.radii
     wish = np.empty_like(roots)
-    # Away from the parting, backwards, and a little down.
-    wish[0] = combing.parting * np.tanh((x - combing.parting_x) / 0.07)
+    # Away from the parting, which ends behind the crown, backwards, and a little down.
+    parting = combing.parting * np.clip(0.8 - 2.0 * y, 0.0, 1.0)
+    wish[0] = parting * np.tanh((x - combing.parting_x) / 0.07)
     wish[1] = combing.comb_back
     wish[2] = -0.35
     along = wish - dot(wish, normal) * normal
