@@ -81,40 +81,48 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
             [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)], np.float64
         )
 
-    def resolved(self, bounds: tuple[ArrayLike, ArrayLike], aspect: float = 1.0) -> Camera:
+    def resolved(self, points: ArrayLike, aspect: float = 1.0, radius: float = 0.0) -> Camera:
         """This camera with origin, target and focus distance filled in.
 
         Parameters
         ----------
-        bounds : (lo, hi)     corners of the box to frame; unused if the origin is given
+        points : (n, 3)       what to frame; unused if the origin is given
         aspect : float        width over height of the film
+        radius : float        of a sphere around each point that must be seen too, world units
 
         Returns
         -------
-        Camera                all eight corners are inside the picture, one of them on the margin
+        Camera                the nearest one that sees all points within the margin: two opposite
+                              sides of the picture are touched
+
+        Raises
+        ------
+        ValueError            if the points have no extent
         """
         if self.origin is not None and self.target is not None:
             distance = float(np.linalg.norm(np.subtract(self.target, self.origin)))
             return msgspec.structs.replace(self, focus_distance=self.focus_distance or distance)
-        lo, hi = (np.asarray(b, np.float64) for b in bounds)
-        centre, half = 0.5 * (lo + hi), 0.5 * (hi - lo)
+        places = np.asarray(points, np.float64)
+        if radius == 0.0 and not np.ptp(places, axis=0).any():
+            raise ValueError("the points to frame are one point; give origin and target instead")
         side = self._side()
         right, up, forward = _frame(-side, self.up)
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        corners = signs * half
         free = 1.0 - (DEFAULT_MARGIN if self.margin is None else self.margin)
         slope = math.tan(math.radians(self.vfov_deg) / 2.0) * free
-        depth = corners @ forward
-        across, along = np.abs(corners @ right) / aspect, np.abs(corners @ up)
-        distance = float((np.maximum(across, along) / slope - depth).max())
+        depth = places @ forward
+        x, x_depth = _wedge(places @ right, depth, slope * aspect, radius)
+        y, y_depth = _wedge(places @ up, depth, slope, radius)
+        origin = x * right + y * up + min(x_depth, y_depth) * forward
+        distance = float(0.5 * (depth.min() + depth.max()) - origin @ forward)
         if not distance > 0.0:
-            raise ValueError(f"the box {lo.tolist()} to {hi.tolist()} has no size to frame")
-        x, y, z = (centre + distance * side).tolist()
-        tx, ty, tz = centre.tolist()
+            raise ValueError(
+                "the points to frame are one point; give the camera an origin and target"
+            )
+        target = origin + distance * forward
         return msgspec.structs.replace(
             self,
-            origin=(x, y, z),
-            target=(tx, ty, tz),
+            origin=tuple(origin.tolist()),
+            target=tuple(target.tolist()),
             focus_distance=self.focus_distance or distance,
             azimuth_deg=None,
             elevation_deg=None,
@@ -132,7 +140,7 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         ValueError      if the camera has not been resolved
         """
         if self.origin is None or self.target is None:
-            raise ValueError("the camera frames automatically; call resolved(bounds, aspect) first")
+            raise ValueError("the camera frames automatically; call resolved(points, aspect) first")
         right, up, forward = _frame(np.subtract(self.target, self.origin), self.up)
         return np.array(self.origin, np.float64), right, up, forward
 
@@ -142,6 +150,16 @@ def _frame(view: NDArray[np.float64], up: Vec3) -> tuple[NDArray[np.float64], ..
     right = np.cross(forward, np.asarray(up, np.float64))
     right /= np.linalg.norm(right)
     return right, np.cross(right, forward), forward
+
+
+def _wedge(
+    across: NDArray[np.float64], depth: NDArray[np.float64], slope: float, radius: float
+) -> tuple[float, float]:
+    """Apex (across, depth) of the narrowest symmetric wedge of a slope that holds all points."""
+    widen = radius * math.hypot(1.0, slope)
+    above = float((across - slope * depth).max()) + widen
+    below = float((-across - slope * depth).max()) + widen
+    return 0.5 * (above - below), -0.5 * (above + below) / slope
 
 
 def _sine_between(a: ArrayLike, b: ArrayLike) -> float:

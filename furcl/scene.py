@@ -8,6 +8,7 @@ messages.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
@@ -196,10 +197,14 @@ class Body(Table, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         _check_range("albedo", self.albedo, 0.0, 1.0)
 
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lower and upper corner of its box, (3,) float64 each."""
-        centre, radii = np.array(self.centre, np.float64), np.array(self.radii, np.float64)
-        return centre - radii, centre + radii
+    def surface_points(self) -> NDArray[np.float64]:
+        """Points (n, 3) spread over the ellipsoid."""
+        n = 2000
+        z = (2.0 * np.arange(n) + 1.0) / n - 1.0
+        phi = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
+        level = np.sqrt(1.0 - z * z)
+        unit = np.stack([level * np.cos(phi), level * np.sin(phi), z], axis=1)
+        return np.array(self.centre) + unit * np.array(self.radii)
 
 
 class Render(Table, frozen=True, kw_only=True):
@@ -258,8 +263,7 @@ class Scene(Table, frozen=True, kw_only=True):
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""
-        lo, hi = curves.bounds()
+        points, radius = curves.points, float(curves.radii.max())
         if self.body is not None:
-            body_lo, body_hi = self.body.bounds()
-            lo, hi = np.minimum(lo, body_lo), np.maximum(hi, body_hi)
-        return self.camera.resolved((lo, hi), self.film.aspect)
+            points = np.concatenate([points, self.body.surface_points()])
+        return self.camera.resolved(points, self.film.aspect, radius)

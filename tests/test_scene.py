@@ -359,23 +359,38 @@ def test_scenes_survive_a_round_trip(scene_file):
 @pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize("view", [(0.0, 0.0), (30.0, 20.0), (-120.0, -60.0), (90.0, 89.0)])
 @pytest.mark.parametrize("margin", [0.0, 0.3])
-def test_framing_holds_the_box_and_touches_the_margin(aspect, view, margin):
-    lo, hi = np.array([-1.0, 2.0, 5.0]), np.array([3.0, 2.5, 9.0])
+def test_framing_holds_the_points_and_touches_two_sides(aspect, view, margin, rng):
+    points = rng.normal(size=(200, 3)) * [1.0, 2.0, 4.0] + [10.0, -3.0, 7.0]
     camera = Camera(azimuth_deg=view[0], elevation_deg=view[1], margin=margin, vfov_deg=40.0)
-    found = camera.resolved((lo, hi), aspect)
+    found = camera.resolved(points, aspect)
     origin, right, up, forward = found.frame()
-    corners = np.array([[x, y, z] for x in (-1, 3) for y in (2, 2.5) for z in (5, 9)]) - origin
-    depth = corners @ forward
+    seen = points - origin
+    depth = seen @ forward
     slope = math.tan(math.radians(20.0))
-    places = np.stack([corners @ right / aspect, corners @ up]) / (depth * slope)
+    places = np.stack([seen @ right / aspect, seen @ up]) / (depth * slope)
     assert (depth > 0.0).all()
-    assert np.abs(places).max() == pytest.approx(1.0 - margin, rel=1e-9)
+    sides = np.stack([places.max(axis=1), -places.min(axis=1)])
+    assert sides.max() == pytest.approx(1.0 - margin, rel=1e-9)
+    tight = np.argmax(sides.max(axis=0))
+    np.testing.assert_allclose(sides[:, tight], 1.0 - margin, rtol=1e-9)
     assert np.linalg.det([right, up, -forward]) == pytest.approx(1.0)
-    assert found.focus_distance == pytest.approx(np.linalg.norm(origin - 0.5 * (lo + hi)))
+    assert depth.min() < found.focus_distance < depth.max()
+
+
+def test_framing_makes_room_for_radii():
+    camera = Camera(azimuth_deg=-90, elevation_deg=0, margin=0.0, vfov_deg=60.0)
+    found = camera.resolved([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-9]], radius=1.0)
+    # A sphere of radius 1 touches the edge of a view of 60 degrees from a distance of 1 / sin(30).
+    assert found.origin == pytest.approx((0.0, -2.0, 0.0), abs=1e-6)
+
+
+def test_framing_one_point_is_refused():
+    with pytest.raises(ValueError, match="the points to frame are one point"):
+        Camera().resolved([[1.0, 2.0, 3.0]])
 
 
 def test_an_explicit_camera_focuses_on_its_target():
-    camera = Camera(origin=(0, -5, 0), target=(0, 0, 0)).resolved(([0] * 3, [1] * 3))
+    camera = Camera(origin=(0, -5, 0), target=(0, 0, 0)).resolved(np.zeros((1, 3)))
     assert camera.focus_distance == 5.0
     origin, right, up, forward = camera.frame()
     np.testing.assert_allclose(
@@ -384,5 +399,5 @@ def test_an_explicit_camera_focuses_on_its_target():
 
 
 def test_a_camera_must_be_resolved_first():
-    with pytest.raises(ValueError, match=r"call resolved\(bounds, aspect\) first"):
+    with pytest.raises(ValueError, match=r"call resolved\(points, aspect\) first"):
         Camera().frame()
