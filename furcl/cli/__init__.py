@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import typer
 
-from furcl.cli import devices, files, render
+from furcl.cli import bench, devices, files, render
 from furcl.cli.console import set_up_logging
 from furcl.errors import FurclError, NoDeviceError
 
@@ -37,6 +37,7 @@ def _options(
 render.register(app)
 files.register(app)
 devices.register(app)
+bench.register(app)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,0 +1,55 @@
+"""What every benchmark writes beside its figures: who measured, where, and with which command."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from furcl.device import Device
+from furcl.files import atomic_path
+from furcl.version import software
+
+
+def circumstances(device: Device) -> dict[str, Any]:
+    """Versions, command line, machine and device of a run, as JSON values."""
+    name = Path(sys.argv[0]).name
+    return {
+        **software(),
+        "command": shlex.join(["furcl" if name != "__main__.py" else name, *sys.argv[1:]]),
+        "date": time.strftime("%Y-%m-%d"),
+        "machine": {
+            "processor": _processor(),
+            "cores": len(os.sched_getaffinity(0)),
+            "system": f"{platform.system()} {platform.machine()}",
+            "python": platform.python_version(),
+        },
+        "device": {
+            "name": device.name,
+            "platform": device.platform,
+            "driver": device.driver_version,
+        },
+    }
+
+
+def write_json(values: dict[str, Any], path: Path) -> None:
+    """Write JSON whole or not at all; missing folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(values, indent=2) + "\n")
+
+
+def _processor() -> str:
+    """The processor's name as Linux reports it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or "unknown"

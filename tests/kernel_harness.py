@@ -1,0 +1,42 @@
+"""Run single device functions on arrays: a kernel made of an include and one expression."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+
+from furcl import program
+from furcl.buffers import Memory
+from furcl.device import Device
+from furcl.features import Features
+
+LOCAL_SIZE = 64
+
+
+def call(
+    device: Device,
+    include: str,
+    expression: str,
+    *arguments,
+    features: Features | None = None,
+) -> np.ndarray:
+    """Evaluate an OpenCL expression of x, y, z, ... (float32 arrays of one shape) elementwise.
+
+    Returns (n,) float32.
+    """
+    names = "xyzabc"[: len(arguments)]
+    arrays = np.broadcast_arrays(*[np.asarray(a, np.float32) for a in arguments])
+    parameters = ", ".join(f"__global const float* p{name}" for name in names)
+    reads = " ".join(f"const float {name} = p{name}[i];" for name in names)
+    text = program.source(include, features or Features()) + (
+        f"\n__kernel void call(const uint n, __global float* out, {parameters})\n"
+        f"{{ const uint i = get_global_id(0); if (i >= n) return; {reads} out[i] = {expression}; }}"
+    )
+    built = cl.Program(device.context, text).build(list(program.OPTIONS))
+    memory = Memory(device)
+    n = arrays[0].size
+    out = memory.allocate("out", 4 * n)
+    size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
+    buffers = [memory.upload(name, array.ravel()) for name, array in zip(names, arrays, strict=True)]
+    cl.Kernel(built, "call")(device.queue, size, (LOCAL_SIZE,), np.uint32(n), out, *buffers)
+    return memory.read(out, n)

@@ -1,0 +1,80 @@
+"""Device functions one at a time against float64 scipy."""
+
+import numpy as np
+import pytest
+from kernel_harness import call
+from scipy import special
+
+from furcl.features import Features
+
+
+def test_bessel_i0e(device):
+    x = np.concatenate([np.linspace(0, 8, 4001), np.geomspace(1e-6, 1e8, 2001)]).astype(np.float32)
+    got = call(device, "math.clh", "bessel_i0e(x)", x)
+    expected = special.i0e(x.astype(np.float64))
+    np.testing.assert_allclose(got, expected, rtol=1e-6)  # measured 4.6e-7
+
+
+def test_bessel_i0e_mutant(device):
+    """The halved 1/(8x) term that five renderers share is seen by the bound above."""
+    x = np.geomspace(4, 100, 101).astype(np.float32)
+    wrong = call(device, "math.clh", "bessel_i0e(x) - 0.0249f / (x * sqrt(x))", x)
+    assert np.max(np.abs(wrong / special.i0e(x.astype(np.float64)) - 1)) > 1e-4
+
+
+@pytest.mark.parametrize("scale", [1.0, 10.0, 1000.0])
+def test_wrap_angle(device, rng, scale):
+    x = (rng.uniform(-1, 1, 5000) * np.pi * scale).astype(np.float32)
+    got = call(device, "math.clh", "wrap_angle(x)", x).astype(np.float64)
+    assert np.all(np.abs(got) <= np.pi * (1 + 1e-6))
+    difference = np.mod(got - x.astype(np.float64) + np.pi, 2 * np.pi) - np.pi
+    # 2 pi is rounded to float32 once a turn.
+    assert np.max(np.abs(difference)) < 2e-7 * (1 + scale)
+
+
+def test_wrap_angle_of_nonfinite_ends(device):
+    assert not np.isfinite(call(device, "math.clh", "wrap_angle(x)", [np.inf, np.nan])).any()
+
+
+@pytest.mark.parametrize("beta", [1e-3, 0.05, 0.39, 0.41, 1.0, 1.49, 1.51, 2.5, 4.4])
+def test_wrapped_gaussian(device, beta):
+    """Against 60 images in float64; the switches at 0.4 and 1.5 rad lie inside the list."""
+    x = np.linspace(-7, 7, 4001).astype(np.float32)
+    got = call(device, "azimuthal.clh", "azimuthal_density(x, y)", x, np.float32(beta))
+    centred = np.mod(x.astype(np.float64) + np.pi, 2 * np.pi) - np.pi
+    images = centred[:, None] + 2 * np.pi * np.arange(-30, 31)
+    width = float(np.float32(beta))
+    expected = np.exp(-0.5 * (images / width) ** 2).sum(1) / (np.sqrt(2 * np.pi) * width)
+    # An angle of 7 rad is known to 2.4e-7 (half a unit in the last place), the density to that
+    # over the width.
+    slope = 6e-7 / width
+    np.testing.assert_allclose(
+        got, expected, rtol=2e-6, atol=(1e-6 + slope) * np.max(expected)
+    )
+
+
+@pytest.mark.parametrize("kind", ["box", "tent", "gaussian"])
+def test_pixel_filter_is_the_inverse_of_its_distribution(device, kind):
+    radius = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}[kind]
+    u = ((np.arange(20000) + 0.5) / 20000).astype(np.float32)
+    x = call(
+        device, "camera.clh", "filter_sample(x, y)", u, np.float32(radius),
+        features=Features(filter=kind),
+    ).astype(np.float64)  # fmt: skip
+    assert np.all(np.abs(x) <= radius)
+    if kind == "box":
+        cdf = (x / radius + 1) / 2
+    elif kind == "tent":
+        t = x / radius
+        cdf = np.where(t < 0, 0.5 * (1 + t) ** 2, 1 - 0.5 * (1 - t) ** 2)
+    else:
+        cdf = 0.5 * (1 + special.erf(3 * x / radius / np.sqrt(2)) / special.erf(3 / np.sqrt(2)))
+    assert np.max(np.abs(cdf - u)) < 5e-6
+
+
+def test_normal_numbers(device):
+    """Quantiles over the angle, and the radius at the largest uniform number, are finite."""
+    last = np.float32(1 - 2.0**-24)
+    got = call(device, "math.clh", "normal_from_uniform(x, y)", [0.0, 0.5, last], [0.0, 0.0, 0.0])
+    expected = np.sqrt(-2 * np.log1p(-np.array([0.0, 0.5, float(last)])))
+    np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-7)

@@ -1,0 +1,118 @@
+"""The float32 device functions against the float64 reference, which is derived from the model alone."""
+
+import numpy as np
+import pytest
+from fibres import FIBRES
+
+from furcl import bcsdf
+from furcl.probe import Probe
+
+N = 20_000
+
+
+def _directions(rng, n):
+    """Unit vectors in the fibre's frame; half of them near the poles or the normal plane."""
+    s = np.concatenate([rng.uniform(-1, 1, n // 2), np.sin(rng.uniform(-1, 1, n - n // 2) * 1.57)])
+    phi = rng.uniform(-np.pi, np.pi, n)
+    c = np.sqrt((1 - s) * (1 + s))
+    return np.stack([s, c * np.cos(phi), c * np.sin(phi)], 1).astype(np.float32).astype(np.float64)
+
+
+def _normalised(w):
+    return w / np.linalg.norm(w, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("name", FIBRES)
+def test_attenuation(device, rng, name):
+    fibre = FIBRES[name]
+    probe = Probe(fibre, device=device, residual=True)
+    h = np.concatenate([[-1, 1, 0], rng.uniform(-1, 1, N)]).astype(np.float32)
+    theta = np.concatenate([[0, 1.5, -1.5], rng.uniform(-1.55, 1.55, N)]).astype(np.float32)
+    got = probe.attenuation(h, theta)
+    expected = bcsdf.attenuation(
+        fibre, h.astype(np.float64), theta.astype(np.float64), probe.material.profiles, residual=True
+    )
+    for lobe, values in zip(probe.lobes, got, strict=True):
+        reference = expected[lobe if lobe in expected else bcsdf.RESIDUAL]
+        np.testing.assert_allclose(values, reference, rtol=1e-5, atol=2e-6, err_msg=lobe)
+
+
+@pytest.mark.parametrize("name", FIBRES)
+def test_evaluate(device, rng, name):
+    fibre = FIBRES[name]
+    probe = Probe(fibre, device=device)
+    wo, wi = _normalised(_directions(rng, N)), _normalised(_directions(rng, N))
+    h = rng.uniform(-1, 1, N).astype(np.float32).astype(np.float64)
+    for lobe in range(5):
+        got = probe.evaluate(wo, wi, h, lobe=lobe)
+        expected = bcsdf.evaluate(fibre, wo, wi, h, probe.material.profiles, lobe=lobe)
+        if lobe < 3:
+            # Angles are known to about 1e-6 rad, the narrowest lobe is 0.05 rad wide.
+            error = np.abs(got - expected) / (expected + 1e-3 * expected.max() + 1e-12)
+            assert np.max(error) < 2e-3, probe.lobes[lobe]
+        else:
+            # Profiles are constant in bins: a direction on an edge may fall into the next one.
+            wrong = np.abs(got - expected) > 1e-4 * expected + 1e-6
+            assert wrong.mean() < 1e-3, probe.lobes[lobe]
+
+
+@pytest.mark.parametrize("sampling", ["uniform-h", "attenuation-cdf", "full-cdf"])
+@pytest.mark.parametrize("name", FIBRES)
+def test_weight_is_value_over_pdf(device, rng, seed, name, sampling):
+    """0.5 evaluate / pdf of what sample returns is the weight that it returns."""
+    probe = Probe(FIBRES[name], sampling=sampling, device=device, residual=True)
+    wo = _normalised(_directions(rng, N))
+    wi, h, lobe, weight, pdf = probe.sample(wo, seed=seed % 2**32)
+    assert np.all(np.isfinite(weight))
+    assert np.all(weight >= 0)
+    assert np.all(pdf > 0)
+    np.testing.assert_allclose(np.linalg.norm(wi, axis=1), 1, atol=1e-6)
+    for p in range(6):
+        chosen = lobe == p
+        if not chosen.any():
+            continue
+        value = 0.5 * probe.evaluate(wo[chosen], wi[chosen], h[chosen], lobe=p)
+        density = probe.pdf(wo[chosen], wi[chosen], h[chosen], lobe=p)
+        if p in (3, 4):
+            # The direction found again from wi may lie in the next bin of the profile.
+            same = np.abs(density / pdf[chosen] - 1) < 1e-4
+            assert same.mean() > 0.995
+        else:
+            same = np.full(len(density), True)
+        ratio = value[same] / density[same, None]
+        np.testing.assert_allclose(ratio, weight[chosen][same], rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", FIBRES)
+def test_full_cdf_weights_are_flat(device, rng, name):
+    """All that is left in the weight is A_p(h) over its bin mean and the colours (SPEC 4.5)."""
+    fibre = FIBRES[name]
+    probe = Probe(fibre, device=device)
+    theta = np.deg2rad(30)
+    wo = np.array([np.sin(theta), np.cos(theta), 0])
+    _, _, _, weight, _ = probe.sample(wo, n=N, seed=5)
+    scalar = weight.mean(axis=1)
+    colours = max(1.0, (weight.max(axis=1) / np.maximum(scalar, 1e-30)).max())
+    assert scalar.max() < 3.0 * scalar.mean() * colours
+
+
+def test_mean_weight_is_the_albedo(device, rng):
+    """Within 4 standard errors, for every sampler; the reference by quadrature."""
+    fibre = FIBRES["coloured"]
+    theta = np.deg2rad([0.0, 50.0, 80.0])
+    for t in theta:
+        for sampling in ("uniform-h", "attenuation-cdf", "full-cdf"):
+            probe = Probe(fibre, sampling=sampling, device=device)
+            wo = np.array([np.sin(t), np.cos(t), 0])
+            _, _, _, weight, _ = probe.sample(wo, n=100_000, seed=9)
+            expected = bcsdf.albedo(fibre, t, probe.material.profiles)
+            error = weight.std(axis=0) / np.sqrt(len(weight))
+            assert np.all(np.abs(weight.mean(axis=0) - expected) < 4 * error + 2e-5)
+
+
+def test_grey_build_equals_the_coloured_one(device, rng):
+    fibre = FIBRES["raccoon"]
+    h, theta = rng.uniform(-1, 1, 500), rng.uniform(-1.5, 1.5, 500)
+    grey, full = Probe(fibre, device=device), Probe(fibre, device=device, channels=3)
+    assert (grey.features.channels, full.features.channels) == (1, 3)
+    np.testing.assert_allclose(grey.attenuation(h, theta), full.attenuation(h, theta), rtol=1e-6)

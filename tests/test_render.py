@@ -1,0 +1,171 @@
+"""Whole renders: determinism, analytic radiance, agreement of samplers and of light sampling."""
+
+import json
+
+import numpy as np
+import pytest
+from direction_statistics import sidak
+from scene_documents import fur_patch, single_fibre
+from scipy import stats
+
+import furcl
+from furcl import bcsdf
+from furcl.integrator import Renderer
+from furcl.scene_io import with_overrides
+
+SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
+
+
+def _bits(image):
+    return image.rgb.tobytes(), image.variance.tobytes()
+
+
+@pytest.mark.parametrize("light_sampling", ["bcsdf", "mis"])
+def test_wave_size_changes_no_bit(device, light_sampling):
+    scene = fur_patch(light_sampling=light_sampling)
+    images = [furcl.render(scene, device=device, wave_size=size) for size in (1 << 12, 1 << 18, 100)]
+    assert _bits(images[0]) == _bits(images[1]) == _bits(images[2])
+    assert images[0].stats["nonfinite"] == 0
+
+
+def test_a_render_cut_in_two_is_the_same(device):
+    scene = fur_patch(spp=64)
+    renderer = Renderer(scene, device)
+    assert renderer.advance(16)
+    assert renderer.advance(48)
+    assert renderer.samples_done == 64
+    assert _bits(renderer.image()) == _bits(furcl.render(scene, device=device))
+
+
+def test_seeds_differ(device):
+    one, two = (furcl.render(fur_patch(), seed=seed, device=device) for seed in (1, 2))
+    assert not np.array_equal(one.rgb, two.rgb)
+
+
+THETAS_DEG = (0.0, 45.0, 75.0)
+FIBRES = {
+    "black": {"preset": "human-black"},
+    "fox": {"preset": "red-fox"},
+    "coloured": {"kappa": 0.5, "sigma_ms": 2.0, "sigma_ma": [0.0, 0.1, 0.5], "sigma_ca": [0.1, 0.3, 1.0]},
+}
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("sampling", SAMPLERS)
+@pytest.mark.parametrize("name", FIBRES)
+@pytest.mark.parametrize("theta_deg", THETAS_DEG)
+def test_single_fibre_shows_its_albedo(device, seed, theta_deg, name, sampling):
+    """In white light a fibre's radiance is its directional albedo, by float64 quadrature; a value
+    2 % off must be seen."""
+    scene = single_fibre(theta_deg, FIBRES[name], sampling=sampling, seed=seed)
+    renderer = Renderer(scene, device)
+    renderer.advance(scene.render.spp)
+    image = renderer.image()
+    mean = image.rgb.astype(np.float64).mean(axis=(0, 1))
+    error = np.sqrt(image.variance.astype(np.float64).sum(axis=(0, 1))) / (image.width * image.height)
+    expected = bcsdf.albedo(
+        scene.build_fibre(), np.deg2rad(theta_deg), renderer.material.profiles
+    )
+    # Three standard errors; full-cdf leaves so little noise that float32 counts.
+    assert np.all(np.abs(mean - expected) < 3 * error + 3e-5)
+    if np.all(3 * error < 0.01 * expected):
+        assert np.all(np.abs(mean - 1.02 * expected) > 3 * error + 3e-5)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("light_sampling", ["bcsdf", "mis"])
+@pytest.mark.parametrize("preset", ["human-black", "red-fox"])
+def test_samplers_agree(device, seed, preset, light_sampling):
+    """Means over the picture of every sampler and light sampling against uniform-h alone."""
+    base = with_overrides(fur_patch(spp=256), [f"fibre.preset={preset}"], seed=seed)
+    reference = furcl.render(base, sampling="uniform-h", device=device)
+    level = sidak(2 * 2 * 3)
+    for sampling in SAMPLERS:
+        scene = with_overrides(base, [f"render.light_sampling={light_sampling}"], seed=seed + 1)
+        image = furcl.render(scene, sampling=sampling, device=device)
+        assert _mean_p(image, reference) > level, sampling
+        wrong = furcl.Image(image.rgb * np.float32(1.1), image.variance)
+        assert _mean_p(wrong, reference) < level, f"{sampling}, 10 % too bright"
+
+
+def _mean_p(a, b):
+    """p-value of the z-test that two pictures have the same mean luminance."""
+    n = a.width * a.height * 3
+    difference = a.rgb.mean(dtype=np.float64) - b.rgb.mean(dtype=np.float64)
+    # Channels of a pixel are correlated: three times the variance of independent ones bounds it.
+    variance = 3 * (a.variance.sum(dtype=np.float64) + b.variance.sum(dtype=np.float64)) / n**2
+    return 2 * stats.norm.sf(abs(difference) / np.sqrt(variance))
+
+
+@pytest.mark.statistical
+def test_roulette_changes_no_mean(device, seed):
+    plain = furcl.render(fur_patch(spp=256, roulette_depth=1000, seed=seed), device=device)
+    early = furcl.render(fur_patch(spp=256, roulette_depth=0, seed=seed + 1), device=device)
+    assert early.stats["rays"] < plain.stats["rays"]
+    assert _mean_p(plain, early) > 0.01
+    assert plain.stats["features"]["compiled"]["roulette"]
+
+
+def test_max_depth_limits_scattering(device):
+    """Depth 1 lets a path scatter once: nobody meets a second fibre's lobe."""
+    image = furcl.render(fur_patch(), max_depth=1, device=device)
+    assert 0 < sum(image.stats["lobes"].values()) <= image.stats["paths"]
+    deep = furcl.render(fur_patch(), max_depth=200, device=device)
+    assert deep.rgb.mean() > image.rgb.mean()
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("sampling", ["attenuation-cdf", "full-cdf"])
+def test_white_fur_vanishes_in_a_furnace(device, seed, sampling):
+    """Nothing absorbs and the residual lobe closes the energy: every pixel is 1 within its noise."""
+    scene = with_overrides(
+        fur_patch(spp=32, residual=True, roulette_depth=1000, sampling=sampling),
+        ["environment={kind='constant', radiance=1.0}", "fibre.sigma_ca=0.0", "fibre.sigma_ma=0.0"],
+        seed=seed,
+    )
+    image = furcl.render(scene, device=device)
+    mean = image.rgb[..., 0].astype(np.float64)
+    error = np.sqrt(image.variance[..., 0].astype(np.float64).sum()) / mean.size
+    assert abs(mean.mean() - 1) < 4 * error + 1e-3
+    assert image.stats["hits_per_path"] > 2
+
+
+def test_stats_have_what_is_promised(device):
+    stats = furcl.render(fur_patch(), device=device).stats
+    for key in ("device", "driver", "seed", "spp", "sampling", "paths", "rays", "mrays_s", "lobes"):
+        assert key in stats
+    assert set(stats["features"]) == {"compiled", "left_out"}
+    assert {"bvh", "tables", "compile", "render"} <= set(stats["seconds"])
+    assert {"host_peak", "device_peak", "bvh", "tables"} <= set(stats["bytes"])
+    assert list(stats["lobes"]) == ["R", "TT", "TRT", "TTs", "TRTs"]
+    assert stats["paths"] == 24 * 16 * 8
+    assert stats["nonfinite"] == 0
+    json.dumps(stats)
+
+
+def test_hair_without_medulla_says_that_scattered_lobes_are_left_out(device):
+    scene = with_overrides(fur_patch(), ["fibre.kappa=0.0"])
+    stats = furcl.render(scene, device=device).stats
+    assert not stats["features"]["compiled"]["scattered"]
+    assert "TTs" in stats["features"]["left_out"]["scattered"]
+    assert stats["lobes"]["TTs"] == stats["lobes"]["TRTs"] == 0
+
+
+def test_time_limit_ends_cleanly(device):
+    image = furcl.render(fur_patch(spp=4096), time_limit=0.0, device=device, wave_size=64)
+    assert image.stats["complete"] is False
+    assert image.stats["paths"] == 0
+
+
+def test_progress_can_stop(device):
+    seen = []
+
+    def progress(done, total):
+        seen.append((done, total))
+        return len(seen) == 3
+
+    image = furcl.render(fur_patch(spp=64), progress=progress, device=device, wave_size=384)
+    assert seen == [(384, 24576), (768, 24576), (1152, 24576)]
+    assert image.stats["complete"] is False
+    assert image.stats["spp"] == 3
+    assert np.all(np.isfinite(image.rgb))

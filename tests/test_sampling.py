@@ -1,0 +1,146 @@
+"""Chi-square of every sampler against its own density, each with a mutant that must fail.
+
+For every lobe the joint density of (h, phi, s) that Probe.pdf states is integrated over cells and
+compared with the counts of Probe.sample; (h, phi) is folded by its symmetry to h >= 0.
+"""
+
+import numpy as np
+import pytest
+from direction_statistics import chi_square_p, sidak
+from fibres import FIBRES
+
+from furcl import bcsdf
+from furcl.probe import Probe
+
+SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
+CASES = [
+    (fibre, theta_deg, sampling)
+    for sampling in SAMPLERS
+    for fibre, theta_deg in [("raccoon", 20.0), ("coloured", -65.0), ("all medulla", 40.0)]
+]
+LEVEL = sidak(5 * len(CASES))
+N = 400_000
+CELLS = (5, 6, 6)  # of |h|, phi, s
+STEPS = (40, 16, 16)  # midpoints in each
+
+
+def _wo(theta):
+    return np.array([np.sin(theta), np.cos(theta), 0.0])
+
+
+def _cell(h, phi, s):
+    """Cell indices of folded samples."""
+    phi = np.where(h < 0, -phi, phi)
+    parts = (
+        np.abs(h) * CELLS[0],
+        np.mod(phi + np.pi, 2 * np.pi) / (2 * np.pi) * CELLS[1],
+        (s + 1) / 2 * CELLS[2],
+    )
+    index = [np.clip(p.astype(int), 0, n - 1) for p, n in zip(parts, CELLS, strict=True)]
+    return np.ravel_multi_index(index, CELLS)
+
+
+def _expected(probe, theta):
+    """Integral of each lobe's density over every cell, (lobes, cells)."""
+    n_h, n_phi, n_s = (a * b for a, b in zip(CELLS, STEPS, strict=True))
+    # Midpoints in |h| fall inside the 100 bins of the tables: two to a bin.
+    h = (np.arange(n_h) + 0.5) / n_h
+    phi = -np.pi + (np.arange(n_phi) + 0.5) * (2 * np.pi / n_phi)
+    s = -1 + (np.arange(n_s) + 0.5) * (2 / n_s)
+    grid_phi, grid_s = (g.ravel() for g in np.meshgrid(phi, s, indexing="ij"))
+    c = np.sqrt((1 - grid_s) * (1 + grid_s))
+    wi = np.stack([grid_s, c * np.cos(grid_phi), c * np.sin(grid_phi)], 1)
+    total = np.zeros((5, int(np.prod(CELLS))))
+    for offset in h:
+        _, pdf = probe._evaluate(_wo(theta), wi, np.full(len(wi), offset))
+        cell = _cell(np.full(len(wi), offset), grid_phi, grid_s)
+        for lobe in range(5):
+            total[lobe] += np.bincount(cell, pdf[lobe], minlength=total.shape[1])
+    # Both signs of h fold into one cell.
+    return total * (2.0 / n_h) * (2 * np.pi / n_phi) * (2 / n_s)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(("name", "theta_deg", "sampling"), CASES)
+def test_chi_square(device, seed, name, theta_deg, sampling):
+    theta = np.deg2rad(theta_deg)
+    probe = Probe(FIBRES[name], sampling=sampling, device=device)
+    wi, h, lobe, _, _ = probe.sample(_wo(theta), n=N, seed=seed % 2**32)
+    cell = _cell(h, np.arctan2(wi[:, 2], wi[:, 1]), wi[:, 0])
+    expected = N * _expected(probe, theta)
+    # The states tell the whole truth: all lobes, all cells, nothing else.
+    assert abs(expected.sum() / N - 1) < 3e-3
+    for p in range(5):
+        counts = np.bincount(cell[lobe == p], minlength=expected.shape[1])
+        others = N - counts.sum()
+        observed = np.append(counts, others)
+        predicted = np.append(expected[p], N - expected[p].sum())
+        assert chi_square_p(observed, predicted) > LEVEL, probe.lobes[p]
+        if expected[p].sum() > 0.2 * N:
+            mutant = np.append(1.02 * expected[p], N - 1.02 * expected[p].sum())
+            assert chi_square_p(observed, mutant) < LEVEL, f"a density 2 % too high: {probe.lobes[p]}"
+
+
+NARROW = [(1e-3, 1e-3), (0.02, 0.3), (0.5, 0.05), (1.5, 2.5)]
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize(("beta_m", "beta_n"), NARROW)
+@pytest.mark.parametrize("theta_deg", [0.0, 60.0, 89.0])
+def test_unscattered_lobes_follow_the_reference(device, seed, beta_m, beta_n, theta_deg):
+    """For widths that no grid of cells resolves: s and phi put through the reference's own
+    distribution functions must be uniform."""
+    fibre = FIBRES["clear"].replace(
+        beta_m_deg=np.rad2deg(beta_m) * (1 + 1e-9), beta_n_deg=np.rad2deg(beta_n) * (1 + 1e-9),
+        alpha_deg=4.0,
+    )  # fmt: skip
+    probe = Probe(fibre, sampling="attenuation-cdf", device=device)
+    theta = np.deg2rad(theta_deg)
+    wi, h, lobe, _, _ = probe.sample(_wo(theta), n=60_000, seed=seed % 2**32)
+    level = sidak(2 * 3 * 3 * len(NARROW))
+    geometry = bcsdf.geometry(fibre, h.astype(np.float64), np.full(len(h), theta))
+    phi = np.arctan2(wi[:, 2], wi[:, 1]).astype(np.float64)
+    for p in range(3):
+        mine = lobe == p
+        if mine.sum() < 500:
+            continue
+        u_phi = _wrapped_normal_cdf(phi[mine] - geometry.Phi(p)[mine], beta_n * np.sqrt(p + 1))
+        assert _uniform_p(u_phi) > level
+        if beta_m >= 0.02 and theta_deg < 80:  # float32 directions resolve the lobe
+            u_s = _longitudinal_cdf(fibre, p, theta, phi[mine], wi[mine, 0].astype(np.float64))
+            assert _uniform_p(u_s) > level
+            assert _uniform_p(u_s**1.03) < level, "a distribution bent by 3 %"
+
+
+def _uniform_p(u, bins=20):
+    counts = np.histogram(u, bins=bins, range=(0, 1))[0]
+    return chi_square_p(counts, np.full(bins, len(u) / bins))
+
+
+def _wrapped_normal_cdf(angle, beta):
+    """Distribution of a wrapped Gaussian on [-pi, pi) around 0."""
+    from scipy import stats
+
+    x = np.mod(angle + np.pi, 2 * np.pi) - np.pi
+    turns = 2 * np.pi * np.arange(-4, 5)
+    below = stats.norm.cdf((x[:, None] + turns) / beta) - stats.norm.cdf((-np.pi + turns) / beta)
+    return below.sum(axis=1)
+
+
+def _longitudinal_cdf(fibre, p, theta, phi, s):
+    """Distribution in s by the trapezoid rule on the reference's density, row by row."""
+    out = np.empty(len(s))
+    rows = np.arange(len(s)) if p == 0 else np.zeros(len(s), int)
+    nodes = np.linspace(-1, 1, 4001)
+    cache = {}
+    for i, row in enumerate(rows):
+        # R depends on phi: a grid of 200 azimuths is fine enough for 20 bins.
+        key = int(np.abs(phi[i]) / np.pi * 200) if p == 0 else int(row)
+        if key not in cache:
+            centre = (key + 0.5) / 200 * np.pi if p == 0 else 0.0
+            mu, beta = bcsdf.centre_and_width(fibre, p, np.float64(theta), np.float64(centre))
+            density = bcsdf.m_p(nodes, mu, beta * beta)
+            steps = 0.5 * (density[1:] + density[:-1]) * (nodes[1] - nodes[0])
+            cache[key] = np.concatenate([[0], np.cumsum(steps)])
+        out[i] = np.interp(s[i], nodes, cache[key])
+    return np.clip(out, 0, 1)
