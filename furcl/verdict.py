@@ -61,15 +61,20 @@ def explain(output: str, code: int) -> str:
     last = lines[-1].rstrip(".") if lines else "it printed nothing"
     if code < 0:
         return f"it ends the process with {signal.Signals(-code).name}: {last}"
-    return lines[0] if lines else last
+    errors = [line for line in lines if "error:" in line]
+    return (errors or lines or [last])[0]
 
 
 def _text_hash() -> str:
     here = Path(__file__).parent
     include = kernel_folder() / "include"
-    tested = [kernel_folder() / "selftest.cl", include / "prelude.clh", include / "rng.clh"]
+    modules = ("selftest", "layout", "features", "program")
     digest = hashlib.sha256()
-    for path in (*tested, here / "selftest.py", here / "layout.py", here / "program.py"):
+    for path in (
+        kernel_folder() / "selftest.cl",
+        include / "rng.clh",
+        *(here / f"{module}.py" for module in modules),
+    ):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

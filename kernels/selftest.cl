@@ -1,7 +1,7 @@
 /* Self-test: one small kernel for each feature of OpenCL C that furcl's kernels use. A device that
    compiles these and returns what furcl/selftest.py computes with numpy is fit for rendering. */
 
-#include "prelude.clh"
+#include "layout.clh"
 #include "rng.clh"
 
 /* Reads x (8 n floats), writes y (8 n floats). Launched over n. */

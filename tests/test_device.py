@@ -162,6 +162,7 @@ def test_philox_known_answers(counter: str, key: str, expected: str) -> None:
         ('error: Executable "ld" doesn\'t exist!\nfailed.\n', -6, "package binutils"),
         ("LLVM ERROR: no pass\n", -6, "SIGABRT: LLVM ERROR: no pass"),
         ("", -11, "SIGSEGV: it printed nothing"),
+        ("build failed\nx.clh:1: error: no type\n", 10, "x.clh:1: error: no type"),
         ("float8 arithmetic: differs\nmore\n", 10, "float8 arithmetic: differs"),
     ],
 )
