@@ -5,7 +5,7 @@ from itertools import pairwise
 import mpmath as mp
 import numpy as np
 import pytest
-from fibre_oracles import random_profiles
+from fibre_oracles import flat_profiles, random_profiles
 
 from furcl import bcsdf
 from furcl.fibre import Fibre
@@ -101,13 +101,13 @@ def _sphere(fibre: Fibre, theta_i: float, h: float, lobe: str) -> tuple[np.ndarr
     if lobe in ("TTs", "TRTs"):
         start = float(geo.gamma_t - geo.gamma_i)
         start += float(np.pi + 2 * geo.gamma_t) if lobe == "TRTs" else 0.0
-    phi = start + (np.arange(512) + 0.5) / 512 * 2 * np.pi
-    s = (np.arange(640) + 0.5) / 640 * 2 - 1
+    phi = start + (np.arange(256) + 0.5) / 256 * 2 * np.pi
+    s = (np.arange(320) + 0.5) / 320 * 2 - 1
     c = np.sqrt(1 - s * s)
     grid_s, grid_phi = np.meshgrid(s, phi, indexing="ij")
     grid_c = np.broadcast_to(c[:, None], grid_s.shape)
     wi = np.stack([grid_s, grid_c * np.cos(grid_phi), grid_c * np.sin(grid_phi)], -1)
-    return wi.reshape(-1, 3), np.full(wi.size // 3, 2 / 640 * 2 * np.pi / 512)
+    return wi.reshape(-1, 3), np.full(wi.size // 3, 2 / 320 * 2 * np.pi / 256)
 
 
 @pytest.mark.parametrize("h", [-0.45, 0.0, 0.8])
@@ -121,10 +121,10 @@ def test_sphere_integrals(lobe: str, theta_i: float, h: float) -> None:
     a = bcsdf.attenuation(MODERATE, h, theta_i, profiles, residual=True)[lobe]
     value = bcsdf.evaluate(MODERATE, wo, wi, h, profiles, lobe=lobe)
     assert np.all(value >= 0)
-    assert weight @ value == pytest.approx(a, rel=2e-5)
+    assert weight @ value == pytest.approx(a, rel=1e-4)
     for sampling in ("full-cdf", "attenuation-cdf"):
         density = bcsdf.pdf(MODERATE, wo, wi, h, lobe, profiles, sampling)
-        assert weight @ density == pytest.approx(1.0, rel=2e-5)
+        assert weight @ density == pytest.approx(1.0, rel=1e-4)
 
 
 def test_sum_of_lobes() -> None:
@@ -183,3 +183,40 @@ def test_scattered_light_follows_the_tilted_angle() -> None:
         found = bcsdf.pdf(fibre, wo, wi, 0.2, "TTs", profiles)
         back = profiles.longitudinal.density[node, 0, ::sign]
         assert found / found.sum() == pytest.approx(back / back.sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize(("lobe", "along", "around"), [(0, 2**0.5, 1), (1, 0.5, 2), (2, 1.5, 3)])
+def test_widths(lobe: int, along: float, around: float) -> None:
+    """Standard deviations from the value itself: R sqrt2 beta_m at phi = 0, TT 1/2, TRT 3/2;
+    azimuthal beta_n times sqrt(1, 2, 3)."""
+    fibre = Fibre(kappa=0, alpha_deg=0, beta_m_deg=1, beta_n_deg=1)
+    wo, h = [0.0, 1.0, 0.0], 0.0
+    x = np.linspace(-0.15, 0.15, 2001)
+    phi = np.pi * (lobe % 2)
+    in_theta = np.stack([np.sin(x), np.cos(x) * np.cos(phi), 0 * x], 1)
+    in_phi = np.stack([0 * x, np.cos(phi + x), np.sin(phi + x)], 1)
+    for wi, width in ((in_theta, along * fibre.beta_m), (in_phi, around**0.5 * fibre.beta_n)):
+        value = bcsdf.evaluate(fibre, wo, wi, h, lobe=lobe)[:, 0]
+        if wi is in_phi and lobe == 0:
+            value = value * np.cos(0.5 * x)
+        deviation = np.sqrt((value @ x**2) / value.sum())
+        assert deviation == pytest.approx(width, rel=3e-3)
+
+
+def test_azimuthal_nodes() -> None:
+    """Tables that are linear in cos(theta_t) or in asin(h'/kappa) come back as they are."""
+    fibre = MODERATE.replace(sigma_ma=0.0)
+    h = np.linspace(-0.9, 0.9, 13)
+    profiles, flat = flat_profiles(), flat_profiles()
+    for theta in (0.0, 0.7, 1.5):
+        geo = bcsdf.geometry(fibre, h, theta)
+        whole = bcsdf.attenuation(fibre, h, theta, flat)["TTs"]
+        inside = whole[:, 0] > 0
+        cosines = np.linspace(1, np.sqrt(1 - 1 / fibre.eta**2), 4)
+        profiles.escape[:] = cosines[:, None, None]
+        part = bcsdf.attenuation(fibre, h, theta, profiles)["TTs"]
+        assert part[inside] == pytest.approx(whole[inside] * geo.cos_theta_t[0], rel=1e-12)
+        profiles.escape[:] = (np.arange(32) / 31 * np.pi / 2)[None, :, None]
+        part = bcsdf.attenuation(fibre, h, theta, profiles)["TTs"]
+        angle = np.arcsin(np.abs(geo.h_t[inside]) / fibre.kappa)
+        assert part[inside, 0] == pytest.approx(whole[inside, 0] * angle, rel=1e-12)

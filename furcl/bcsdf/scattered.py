@@ -19,13 +19,16 @@ Array = NDArray[np.float64]
 
 
 class Azimuth(Protocol):
-    """Azimuthal profile: density (T, H, P) per radian, integral 1; absorption (T, H, P, 3), mean
-    transmittance of a bin."""
+    """Azimuthal profile.
+
+    density (T, H, P) per radian, integral 1; absorption (T, H, P, 3 or 1), mean transmittance of a
+    bin, or None for 1.
+    """
 
     @property
     def density(self) -> NDArray[np.floating]: ...
     @property
-    def absorption(self) -> NDArray[np.floating]: ...
+    def absorption(self) -> NDArray[np.floating] | None: ...
 
 
 class Longitudinal(Protocol):
@@ -36,14 +39,17 @@ class Longitudinal(Protocol):
 
 
 class Profiles(Protocol):
-    """Profiles of one medulla; escape (T, H, 3) is the integral of density times absorption."""
+    """Profiles of one medulla.
+
+    escape (T, H, 3 or 1) is the integral of density times absorption, or None for 1.
+    """
 
     @property
     def azimuth(self) -> Azimuth: ...
     @property
     def longitudinal(self) -> Longitudinal: ...
     @property
-    def escape(self) -> NDArray[np.floating]: ...
+    def escape(self) -> NDArray[np.floating] | None: ...
 
 
 def _neighbours(coordinate: Array, nodes: int) -> Iterator[tuple[Array, NDArray[np.intp]]]:
@@ -67,6 +73,8 @@ def _bilinear(fibre: Fibre, table: NDArray[np.floating], cos_theta_t: Array, h_t
 
 def escape(fibre: Fibre, profiles: Profiles, cos_theta_t: Array, h_t: Array) -> Array:
     """Fraction (..., 3) of the scattered light that the medulla does not absorb."""
+    if profiles.escape is None:
+        return np.ones((*np.shape(h_t), 3))
     total = np.zeros((*np.shape(h_t), 3))
     for w, i, j in _bilinear(fibre, profiles.escape, cos_theta_t, h_t):
         total += w[..., None] * profiles.escape[i, j]
@@ -92,7 +100,7 @@ def azimuthal(
     for w, i, j in _bilinear(fibre, table, cos_theta_t, h_t):
         row = w * table[i, j, bins]
         density += row
-        energy += row[..., None] * carried[i, j, bins]
+        energy += row[..., None] * (1.0 if carried is None else carried[i, j, bins])
     return density, energy
 
 
