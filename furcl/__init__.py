@@ -22,10 +22,12 @@ _PUBLIC = {
     "open_device": "furcl.device",
     "FurclError": "furcl.errors",
     "bcsdf": "",
+    "bench": "",
+    "samplers": "",
 }
 
 if TYPE_CHECKING:
-    from furcl import bcsdf
+    from furcl import bcsdf, bench, samplers
     from furcl.curves import Curves
     from furcl.device import open_device
     from furcl.errors import FurclError
@@ -46,10 +48,12 @@ __all__ = [
     "Renderer",
     "Scene",
     "bcsdf",
+    "bench",
     "load_curves",
     "load_scene",
     "open_device",
     "render",
+    "samplers",
     "save_curves",
 ]
 

@@ -16,6 +16,10 @@ class FibreError(FurclError, ValueError):
     """A fibre parameter outside its range."""
 
 
+class SamplerError(FurclError, ValueError):
+    """A sampler that is not known, or cannot be registered."""
+
+
 class SceneError(FurclError):
     """A scene file, or a value in it, that cannot be used."""
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
+from furcl import samplers
+
 ENVIRONMENTS = ("constant", "sky", "image")
 FILTERS = ("box", "tent", "gaussian")
 LOBES = ("R", "TT", "TRT", "TTs", "TRTs")
@@ -17,7 +18,7 @@ class Features:
 
     Attributes
     ----------
-    sampling : str              one of SAMPLERS
+    sampling : str              a name of furcl.samplers
     channels : int              3 for RGB, 1 where fibre, body and light are grey
     medulla : bool              rays may cross a medulla that absorbs or scatters
     scattered : bool            lobes TT^s and TRT^s (kappa > 0 and sigma_ms > 0)
@@ -59,17 +60,23 @@ class Features:
         """Planes of the lobe tables: the five lobes in fixed order, then the residual."""
         return 6 if self.residual else 5
 
+    @property
+    def sampler(self) -> samplers.Sampler:
+        """The sampler that `sampling` names; its file is the virtual include "sampler.clh"."""
+        return samplers.find(self.sampling)
+
     def defines(self) -> dict[str, int]:
         """Names and values of the preprocessor defines, all prefixed FURCL_."""
         values: dict[str, int] = {}
         for name, value in asdict(self).items():
             if name == "sampling":
-                value = SAMPLERS.index(value)
-            elif name == "environment":
+                continue
+            if name == "environment":
                 value = ENVIRONMENTS.index(value)
             elif name == "filter":
                 value = FILTERS.index(value)
             values[f"FURCL_{name.upper()}"] = int(value)
+        values["FURCL_PROFILE_ANGLES"] = int(self.sampler.scattered_angles == "profile")
         values["FURCL_LOBES"] = self.n_lobes
         return values
 

@@ -68,7 +68,7 @@ class Material:
     ----------
     params : struct FibreParams
     profiles : MedullaProfiles or None      None without scattered lobes
-    tables : AttenuationTables or None      None for the sampler uniform-h, which needs none
+    tables : AttenuationTables or None      None for samplers that need none
     profile_buffer, table_buffer : pyopencl.Buffer
     """
 
@@ -89,7 +89,7 @@ def build_material(memory: Memory, fibre: Fibre, features: Features) -> Material
     packed = profiles.pack() if profiles else np.zeros(0, np.float32)
     profile_buffer = memory.upload("profiles", packed)
     tables = None
-    if features.sampling != "uniform-h":
+    if features.sampler.needs_tables:
         bins = _attenuation_bins(memory, params, features, profile_buffer)
         tables = tables_from_bins(bins)
     table_buffer = memory.upload("tables", tables.packed if tables else np.zeros(0, np.float32))

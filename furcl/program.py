@@ -39,12 +39,15 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
     KernelBuildError    if an include is not found, naming the file and line that asks for it
     """
     folder = folder or kernel_folder()
+    bases = (folder, folder / "include", _random123_folder(), features.sampler.clh.parent)
     seen: set[str] = set()
 
     def find(include: str) -> str | None:
         if include == "layout.clh":
             return layout.device_text(features)
-        for base in (folder, folder / "include", _random123_folder()):
+        if include == "sampler.clh":
+            return features.sampler.source()
+        for base in bases:
             if (base / include).is_file():
                 return (base / include).read_text()
         return None
@@ -59,7 +62,8 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
                 f"pyopencl's; check the spelling"
             )
         seen.add(include)
-        lines = [f'#line 1 "{include}"']
+        label = features.sampler.clh.name if include == "sampler.clh" else include
+        lines = [f'#line 1 "{label}"']
         for number, line in enumerate(text.splitlines(), 1):
             match = _INCLUDE.match(line)
             if not match:
@@ -71,7 +75,7 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
                 lines.append(line)  # a C header in a branch of Random123 that OpenCL never takes
                 continue
             lines += walk(target, f"{include}:{number}")
-            lines.append(f'#line {number + 1} "{include}"')
+            lines.append(f'#line {number + 1} "{label}"')
         return lines
 
     return "\n".join(walk(name, name)) + "\n"

@@ -16,6 +16,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from furcl import samplers
 from furcl.camera import Camera, Vec3
 from furcl.colour import sigma_ca_from_colour, sigma_ca_from_melanin
 from furcl.fibre import Fibre
@@ -212,17 +213,20 @@ class Render(Table, frozen=True, kw_only=True):
 
     `light_sampling`: "bcsdf" samples fibres only, "mis" also the environment, "auto" chooses by the
     environment. Paths end at `max_depth`; from `roulette_depth` on they may end at random without
-    bias. `residual` adds the light of three and more internal reflections, so that white fibres
+    bias. `residual` adds the light of two and more internal reflections, so that white fibres
     conserve energy.
     """
 
     spp: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
     seed: Annotated[int, Meta(ge=0, le=(1 << 32) - 1)] = 0
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
-    sampling: Literal["uniform-h", "attenuation-cdf", "full-cdf"] = "full-cdf"
+    sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
     roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
     residual: bool = False
+
+    def __post_init__(self) -> None:
+        samplers.find(self.sampling)
 
 
 class Scene(Table, frozen=True, kw_only=True):

@@ -52,7 +52,7 @@ def left_out(features: Features) -> dict[str, str]:
         "body": (features.body, "the scene has no body"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),
-        "tables": (features.sampling != "uniform-h", "uniform-h needs no attenuation tables"),
+        "tables": (features.sampler.needs_tables, "the sampler needs no attenuation tables"),
         "variance": (features.variance, "no variance was asked for"),
         "statistics": (features.statistics, "no statistics were asked for"),
         "debug": (features.debug, "FURCL_DEBUG is not set"),
