@@ -127,8 +127,10 @@ def test_progress_lines(
 ) -> None:  # fmt: skip
     monkeypatch.setattr("furcl.cli.console.LOG_INTERVAL_S", 0.0)
     assert run("render", scene, "-o", tmp_path / "out.exr") == 0
-    assert " 50 %" in capsys.readouterr().err
-    assert run("--quiet", "render", scene, "-o", tmp_path / "out.exr") == 0
+    lines = capsys.readouterr().err
+    assert " 50 %" in lines
+    assert "stopped early: 4 of 64 samples a pixel" in lines
+    assert run("--quiet", "render", scene, "-o", tmp_path / "out.exr", "--spp", 4) == 0
     assert capsys.readouterr().err == ""
 
 

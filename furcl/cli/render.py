@@ -104,6 +104,9 @@ def render(
             image.save(path)
         if stats:
             _write_json(image.stats, stats)
+    done = image.stats.get("spp", loaded.render.spp)
+    if done < loaded.render.spp:
+        log.warning("stopped early: %s of %s samples a pixel", done, loaded.render.spp)
     log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
     if interrupt.requested:
         raise typer.Exit(EXIT_INTERRUPTED)
