@@ -49,6 +49,11 @@ class Film:
             memory.allocate("nonfinite", 16, zero=True),
         )
 
+    def clear(self, queue: cl.CommandQueue) -> None:
+        """Take all samples back out."""
+        for buffer in (self.planes, self.n_samples, self.nonfinite):
+            cl.enqueue_fill_buffer(queue, buffer, np.uint32(0), 0, buffer.size)
+
     def read(self, memory: Memory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean radiance, variance of that mean and samples of every pixel.
 

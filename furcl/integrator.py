@@ -64,7 +64,7 @@ class Renderer:
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
         self.seconds: dict[str, float] = {}
-        self.paths_done = self.rays = 0
+        self.paths_done = self.rays = self.shadow_rays = 0
         self.lobe_counts = np.zeros(6, np.int64)
         with self._timed("curves"):
             curves = scene.build_curves()
@@ -111,6 +111,14 @@ class Renderer:
         """Whole samples that every pixel has."""
         return self.paths_done // self.n_pixels
 
+    def restart(self, seed: int) -> None:
+        """Forget all samples and their statistics; the next ones have another seed."""
+        self.scene = with_overrides(self.scene, seed=seed)
+        self.film.clear(self.device.queue)
+        self.paths_done = self.rays = self.shadow_rays = 0
+        self.lobe_counts[:] = 0
+        self.seconds.pop("render", None)
+
     def advance(
         self,
         spp: int,
@@ -154,6 +162,7 @@ class Renderer:
                 stages.intersect_shadow(wave, active)
             counts = stages.swap()
             self.rays += active + int(counts[layout.COUNT_SHADOWS])
+            self.shadow_rays += int(counts[layout.COUNT_SHADOWS])
             active = int(counts[layout.COUNT_NEXT])
             if not active:
                 break
@@ -209,6 +218,7 @@ class Renderer:
             "paths": self.paths_done,
             "rays": self.rays,
             "mrays_s": self.rays / render / 1e6 if render else 0.0,
+            "path_length": (self.rays - self.shadow_rays) / max(self.paths_done, 1),
             "hits_per_path": int(self.lobe_counts.sum()) / max(self.paths_done, 1),
             "lobes": {
                 name: int(self.lobe_counts[i])
