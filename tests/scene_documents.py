@@ -34,7 +34,7 @@ def single_fibre(theta_deg, fibre, **render):
         {
             "film": {"width": 8, "height": 8, "filter": "box"},
             "camera": {
-                "origin": [distance * np.sin(theta), -distance * np.cos(theta), 0.0],
+                "origin": [float(distance * np.sin(theta)), float(-distance * np.cos(theta)), 0.0],
                 "target": [0.0, 0.0, 0.0],
                 "vfov_deg": 0.1,
                 "up": [0.0, 0.0, 1.0],
