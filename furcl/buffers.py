@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pyopencl as cl
+from numpy.typing import DTypeLike
 
 from furcl.device import Device
 from furcl.errors import ResourceError
@@ -62,7 +63,9 @@ class Memory:
             cl.enqueue_fill_buffer(self.device.queue, buffer, np.uint32(0), 0, max(n_bytes, 16))
         return buffer
 
-    def read(self, buffer: cl.Buffer, shape: tuple[int, ...] | int, dtype=np.float32) -> np.ndarray:
+    def read(
+        self, buffer: cl.Buffer, shape: tuple[int, ...] | int, dtype: DTypeLike = np.float32
+    ) -> np.ndarray:
         """Copy the head of a buffer back; waits for the queue."""
         out = np.empty(shape, dtype)
         cl.enqueue_copy(self.device.queue, out, buffer)

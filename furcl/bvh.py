@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl import bvh_native, embree
+from furcl import bvh_blocks, bvh_native, embree
 from furcl.curves import Curves
 from furcl.errors import BvhError
 from furcl.layout import BVH_BLOCK_WORDS, BVH_STACK_SIZE
@@ -20,12 +20,12 @@ class Bvh:
 
     Attributes
     ----------
-    blocks : (b, 32) uint32         the format is told in kernels/include/bvh.clh; block 0 is the root
+    blocks : (b, 32) uint32             see kernels/include/bvh.clh; block 0 is the root
     vertices : (n_points, 4) float32    x, y, z, radius
-    offsets : (S + 1,) uint32       strand s owns vertices offsets[s] .. offsets[s + 1] - 1
-    n_segments : int                segments in the leaves
-    stack_size : int                stack entries that a traversal can need
-    build_seconds : float           time that the whole build took [s]
+    offsets : (S + 1,) uint32           strand s owns vertices offsets[s] .. offsets[s + 1] - 1
+    n_segments : int                    segments in the tree
+    stack_size : int                    stack entries that a traversal can need
+    build_seconds : float               time that the whole build took [s]
     """
 
     blocks: NDArray[np.uint32]
@@ -81,7 +81,7 @@ def build_bvh(curves: Curves) -> Bvh:
         )
     del choice
     blocks = np.zeros((len(lanes), BVH_BLOCK_WORDS), np.uint32)
-    bvh_native.fill_blocks(
+    bvh_blocks.fill_blocks(
         blocks, lanes, refs, children, bounds, curves.points, curves.radii, vertices
     )
     return Bvh(

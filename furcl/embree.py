@@ -1,7 +1,7 @@
-"""The Embree 4 library inside the embreex wheel, bound with ctypes: loading, checks, tree building.
+"""The Embree 4 library inside the embreex wheel, bound with ctypes: loading, checks, trees.
 
-The Python classes of embreex know triangles only; the shared library they come with exports the whole
-C interface, and with it the general tree builder that is used here (rtcBuildBVH).
+The Python classes of embreex know triangles only; the shared library that they come with exports
+the whole C interface, and with it the general tree builder that is used here (rtcBuildBVH).
 """
 
 import ctypes
@@ -79,7 +79,7 @@ def _library_paths():
 
 
 def check_version(version, path):
-    """Refuse an Embree whose structs may differ. ``version`` is major * 10000 + minor * 100 + patch."""
+    """Refuse an Embree whose structs may differ; `version` is 10000 major + 100 minor + patch."""
     if version // 10000 != VERSION_MAJOR:
         raise BvhError(
             f"{path}: Embree {version // 10000}.{version // 100 % 100} found; furcl is written for "
@@ -179,7 +179,8 @@ def build_binary_tree(primitives):
     -------
     children : (n - 1, 2) int32             node index, or ~number of a primitive
     bounds : (n - 1, 2, 2, 4) float32       [node, child, lower/upper, x y z unused]
-                                            Node 0 is the root; a child has a larger index than its parent.
+
+    Node 0 is the root; a child has a larger index than its parent.
     """
     from furcl import embree_callbacks as callbacks
 

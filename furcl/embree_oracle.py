@@ -9,7 +9,7 @@ import numpy as np
 from furcl.curves import Curves
 from furcl.embree import EmbreeDevice, library
 from furcl.layout import NO_SEGMENT
-from furcl.native import as_pointer, atomic_add, call_query
+from furcl.native import atomic_add, call_query, floats_at, words_at
 
 FLAT_LINEAR_CURVE = 17
 BUFFER_INDEX, BUFFER_VERTEX = 0, 1
@@ -48,10 +48,8 @@ class EmbreeScene:
         self._library.rtcCommitScene(self.scene)
         self._device.check("build a scene of curves")
         self.n_threads = len(os.sched_getaffinity(0))
-        self._buffers = np.zeros((self.n_threads, RAY_HIT_WORDS + 16), np.float32)
-        words = ctypes.cast(self._library.rtcIntersect1, ctypes.c_void_p).value
-        self._intersect = int(words or 0)
-        self._occluded = int(ctypes.cast(self._library.rtcOccluded1, ctypes.c_void_p).value or 0)
+        self._intersect = _address(self._library.rtcIntersect1)
+        self._occluded = _address(self._library.rtcOccluded1)
 
     def __del__(self):
         if getattr(self, "scene", None):
@@ -67,7 +65,9 @@ class EmbreeScene:
 
         Returns
         -------
-        t (n,) float32, segment (n,) uint32 (its first vertex, NO_SEGMENT for a miss), u (n,) float32
+        t : (n,) float32
+        segment : (n,) uint32           its first vertex, NO_SEGMENT for a miss
+        u : (n,) float32                along the segment, 0..1
         """
         n = len(origins)
         t, u = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -91,6 +91,10 @@ class EmbreeScene:
         return np.isneginf(t)
 
 
+def _address(function):
+    return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
+
+
 @numba.njit(cache=True, parallel=True, nogil=True)
 def _trace(function, scene, origins, directions, backward, n_threads, turn, t, primitive, u):
     """Fill t, and for closest hits primitive and u; threads take rays a turn at a time."""
@@ -99,8 +103,8 @@ def _trace(function, scene, origins, directions, backward, n_threads, turn, t, p
     buffers = np.empty((n_threads, RAY_HIT_WORDS + 16), np.float32)
     for thread in numba.prange(n_threads):
         address = (buffers[thread].ctypes.data + 63) & ~63
-        ray = numba.carray(as_pointer(address), (RAY_HIT_WORDS,), numba.float32)
-        words = numba.carray(as_pointer(address), (RAY_HIT_WORDS,), numba.uint32)
+        ray = floats_at(address, RAY_HIT_WORDS)
+        words = words_at(address, RAY_HIT_WORDS)
         while True:
             first = atomic_add(turn.ctypes.data, RAYS_PER_TURN)
             if first >= n:

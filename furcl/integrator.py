@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from furcl import layout
+from furcl import layout, rays
 from furcl.buffers import Memory
 from furcl.bvh import build_bvh
 from furcl.device import Device, open_device
@@ -70,12 +70,7 @@ class Renderer:
             curves = scene.build_curves()
         with self._timed("bvh"):
             bvh = build_bvh(curves)
-            geometry = [
-                self.memory.upload("bvh", bvh.blocks),
-                self.memory.upload("vertices", bvh.vertices),
-                self.memory.upload("strand offsets", bvh.offsets),
-                np.uint32(len(bvh.offsets) - 1),
-            ]
+            geometry = rays.upload(self.memory, bvh)
         with self._timed("tables"):
             environment = Environment.from_scene(scene.environment)
             self.environment_pixels_clamped = environment.n_negative

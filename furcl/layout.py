@@ -24,7 +24,7 @@ N_COUNTS = 4
 
 # The tree over fibre segments (kernels/include/bvh.clh).
 BVH_BLOCK_WORDS = 32
-BVH_STACK_SIZE = 96
+BVH_STACK_SIZE = 128
 
 # Attenuation tables (SPEC 4.2-4.3): rows over |theta|, bins over |h|; 100 bins of |h| are the
 # paper's 200 bins of h, A being even in h.

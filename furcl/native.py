@@ -3,15 +3,25 @@
 Everything here can be cached on disk by numba, because no address is a compile-time constant.
 """
 
+from typing import Any
+
+import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.numpy_support import carray
 
 
-@intrinsic
+def _intrinsic(function) -> Any:
+    """numba's intrinsic; its callers leave out the first parameter, which type checkers miss."""
+    return intrinsic(function)
+
+
+@_intrinsic
 def as_pointer(typingctx, address):
-    """Turn an integer address into a ``void *`` that ``numba.carray`` accepts."""
+    """Turn an integer address into a ``void *``."""
     signature = types.voidptr(types.intp)
 
     def codegen(context, builder, signature, args):
@@ -20,7 +30,7 @@ def as_pointer(typingctx, address):
     return signature, codegen
 
 
-@intrinsic
+@_intrinsic
 def atomic_add(typingctx, address, value):
     """Add ``value`` to the 64-bit integer at ``address``; returns what was there before."""
     signature = types.int64(types.intp, types.int64)
@@ -32,7 +42,7 @@ def atomic_add(typingctx, address, value):
     return signature, codegen
 
 
-@intrinsic
+@_intrinsic
 def call_query(typingctx, function, scene, ray, arguments):
     """Call ``void function(scene, ray, arguments)``; all four are integer addresses."""
     signature = types.void(types.intp, types.intp, types.intp, types.intp)
@@ -44,3 +54,21 @@ def call_query(typingctx, function, scene, ray, arguments):
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+@numba.njit(cache=True)
+def floats_at(address, n):
+    """The `n` float32 at an address, as an array."""
+    return carray(as_pointer(address), (n,), np.float32)
+
+
+@numba.njit(cache=True)
+def words_at(address, n):
+    """The `n` uint32 at an address, as an array."""
+    return carray(as_pointer(address), (n,), np.uint32)
+
+
+@numba.njit(cache=True)
+def numbers_at(address, n):
+    """The `n` int64 at an address, as an array."""
+    return carray(as_pointer(address), (n,), np.int64)

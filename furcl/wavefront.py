@@ -7,7 +7,7 @@ from collections import defaultdict
 import numpy as np
 import pyopencl as cl
 
-from furcl import layout, program
+from furcl import layout, program, rays
 from furcl.buffers import Memory
 from furcl.device import Device
 from furcl.features import Features
@@ -26,6 +26,7 @@ STAGES = {
     "intersect_shadow": "intersect.cl",
     "add_to_film": "film.cl",
 }
+RAY_STAGES = ("intersect_closest", "intersect_shadow")
 
 
 class Wavefront:
@@ -33,8 +34,7 @@ class Wavefront:
 
     Parameters
     ----------
-    geometry : list                 BVH_PARAMETERS of kernels/include/bvh.clh: blocks, vertices,
-                                    strand offsets, number of strands
+    geometry : list                 what furcl.rays.upload returns
     environment : Buffer
     camera, body : structs of layout.STRUCTS
     wave_size : int                 slots, i.e. paths traced together
@@ -71,8 +71,9 @@ class Wavefront:
         self.wave_size = wave_size
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
         self.keep_events = False
+        extra = dict.fromkeys(RAY_STAGES, rays.defines(device))
         self._kernels = {
-            stage: cl.Kernel(program.build(device, file, features), stage)
+            stage: cl.Kernel(program.build(device, file, features, extra.get(stage)), stage)
             for stage, file in STAGES.items()
             if stage != "intersect_shadow" or features.light_sampling
         }
@@ -197,7 +198,9 @@ class Wavefront:
         return counts.astype(np.int64)
 
     def _launch(self, stage: str, n: int, *arguments) -> None:
-        size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
-        event = self._kernels[stage](self.queue, size, (LOCAL_SIZE,), *arguments)
+        size, local = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,), (LOCAL_SIZE,)
+        if stage in RAY_STAGES:
+            size, local = rays.launch_size(self.memory.device, n)
+        event = self._kernels[stage](self.queue, size, local, *arguments)
         if self.keep_events:
             self.events[stage].append(event)
