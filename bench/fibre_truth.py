@@ -25,11 +25,11 @@ from pathlib import Path
 
 import numpy as np
 from fibre_walk import CLASSES, PHI_BINS, S_BINS, Truth, simulate
-from furcl.medulla import MedullaProfiles, build_profiles
 
 from furcl import bcsdf
 from furcl.device import open_device
 from furcl.fibre import Fibre
+from furcl.medulla import MedullaProfiles, build_profiles
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 SCATTERED = slice(4, 7)
@@ -135,7 +135,7 @@ def table(results: dict[str, list[dict]], header: str) -> str:
             cells = [
                 name,
                 f"{r['theta_deg']:g}",
-                f"{100 * r['unscattered_worst']:.2f} %",
+                f"{100 * r['unscattered_worst']:.3f} %",
                 f"{t['TTs']:.4f} / {m['TTs']:.4f}",
                 f"{t['TRTs']:.4f} / {m['TRTs']:.4f}",
                 f"{t['TRRT+'] + t['TRRTs+']:.5f} / {m[bcsdf.RESIDUAL]:.5f}",
@@ -166,7 +166,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent / "results")
     parser.add_argument("--presets", nargs="+", default=PRESETS, metavar="NAME")
     parser.add_argument("--theta", nargs="+", type=float, default=(0, 30, 60), metavar="DEG")
-    parser.add_argument("--photons", type=int, default=400_000, metavar="N")
+    parser.add_argument("--photons", type=int, default=200_000, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
     parser.add_argument("--device", default="", help="as for furcl render")
     options = parser.parse_args(arguments)

@@ -33,7 +33,7 @@ _TRAPPED = 7
 
 @dataclass(frozen=True)
 class Truth:
-    """What came out, per unit of light that met the fibre's silhouette.
+    """What came out, per unit of light that met the fibre.
 
     energy, error (classes, 3): mean and standard error. direct (classes, 3): of the scattered
     classes what left at the first arrival at the surface after the first scattering. density
@@ -47,11 +47,19 @@ class Truth:
     density: np.ndarray
 
 
-def simulate(fibre: Fibre, theta_i: float, photons: int, seed: int, batches: int = 16) -> Truth:
-    """Light from inclination theta_i [rad] on a smooth fibre, uniform over its width.
+def simulate(
+    fibre: Fibre,
+    theta_i: float,
+    photons: int,
+    seed: int,
+    offsets: tuple[float, float] = (-1.0, 1.0),
+    batches: int = 16,
+) -> Truth:
+    """Light from inclination theta_i [rad] on a smooth fibre, uniform over an interval of offsets.
 
-    The fibre's eta, kappa, sigmas and g are used; its cuticle is a plain interface without tilt or
-    roughness. Offsets are stratified within each of the batches, which give the standard errors.
+    Offset h is that of furcl.bcsdf; the default is the whole width of the fibre. The fibre's eta,
+    kappa, sigmas and g are used; its cuticle is a plain interface without tilt or roughness.
+    Offsets are stratified within each of the batches, which give the standard errors.
     """
     rng = np.random.default_rng(seed)
     shape = (batches, len(CLASSES))
@@ -61,7 +69,7 @@ def simulate(fibre: Fibre, theta_i: float, photons: int, seed: int, batches: int
     absorb = np.array([fibre.sigma_ca, fibre.sigma_ma])
     per_batch = max(1, photons // batches)
     for b in range(batches):
-        _run(rng, theta_i, medium, absorb, per_batch, energy[b], direct[b], histogram[b])
+        _run(rng, theta_i, offsets, medium, absorb, per_batch, energy[b], direct[b], histogram[b])
     cell = 2.0 / S_BINS * 2.0 * math.pi / PHI_BINS
     return Truth(
         energy=energy.mean(0),
@@ -203,14 +211,14 @@ def _walk(rng, kind, p, d, w, medium, absorb, out, energy, direct, histogram):
 
 
 @njit(cache=True)
-def _run(rng, theta_i, medium, absorb, photons, energy, direct, histogram):
+def _run(rng, theta_i, offsets, medium, absorb, photons, energy, direct, histogram):
     """One batch; adds energies per photon."""
     eta, kappa, sigma_ms, _ = medium
     d, out = np.empty(3), np.empty(3)
     p, w = np.empty(2), np.empty(3)
     d_walk, p_walk, w_walk = np.empty(3), np.empty(2), np.empty(3)
     for i in range(photons):
-        h = 2.0 * (i + rng.random()) / photons - 1.0
+        h = offsets[0] + (offsets[1] - offsets[0]) * (i + rng.random()) / photons
         p[0], p[1] = math.sqrt((1.0 - h) * (1.0 + h)), -h
         d[0], d[1], d[2] = -math.sin(theta_i), -math.cos(theta_i), 0.0
         w[:] = 1.0 / photons
