@@ -48,5 +48,9 @@ class ImageError(FurclError):
     """An image file that cannot be read, written or compared."""
 
 
+class BenchError(FurclError):
+    """A benchmark that cannot be run as asked, or results that do not belong together."""
+
+
 class ResourceError(FurclError):
     """A render that does not fit the memory of the device."""

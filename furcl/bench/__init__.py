@@ -1,1 +1,1 @@
-"""Benchmark runs behind `furcl bench`."""
+"""Benchmark runs behind `furcl bench`; each module is importable."""

@@ -1,0 +1,269 @@
+"""Error against run time of samplers, by independent renders against a reference.
+
+The protocol is in docs/convergence.md. `run` renders what is missing in a folder and returns the
+results; a run that was stopped goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furcl import compare
+from furcl.bench.convergence_plan import Plan
+from furcl.bench.convergence_reference import (
+    Reference,
+    choose_sampler,
+    digest,
+    kernel_digest,
+    reference_samples_left,
+    render_reference,
+    scene_digest,
+)
+from furcl.bench.convergence_results import assemble, scene_facts, write_results
+from furcl.device import Device, open_device
+from furcl.errors import BenchError
+from furcl.files import atomic_path
+from furcl.image import Image
+from furcl.integrator import Progress, Renderer
+from furcl.samplers import BUILT_IN
+from furcl.scene import Scene
+from furcl.scene_io import with_overrides
+
+log = logging.getLogger(__name__)
+
+STATE = "renders.json"
+IMAGES = "images"
+
+
+class _StoppedError(Exception):
+    """The caller's progress function asked for the end."""
+
+
+def run(
+    plan: Plan,
+    folder: str | Path,
+    *,
+    device: str | Device | None = None,
+    progress: Progress | None = None,
+    command: str = "",
+) -> dict[str, Any]:
+    """Render what `folder` does not hold yet, and compare.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : path           gets renders.json after every render, results.json and results.csv at
+                            the end, and images/
+    device : str, Device or None    as for `furcl.render`
+    progress : callable or None     called with the path samples done and those of the whole run;
+                                    stops the run by returning true: what is rendered is kept
+    command : str           to be named in the results
+
+    Returns
+    -------
+    dict        what results.json holds, see docs/convergence.md; "complete" is false where the run
+                was stopped
+
+    Raises
+    ------
+    BenchError      if the folder holds renders of other scenes, kernels or another device
+    SceneError, GroomError, DeviceError, ResourceError, KernelBuildError, ImageError
+    """
+    folder = Path(folder)
+    (folder / IMAGES).mkdir(parents=True, exist_ok=True)
+    opened = device if isinstance(device, Device) else open_device(device)
+    state = _State(folder / STATE)
+    counter = _Counter(progress, plan)
+    complete = True
+    try:
+        for scene in plan.scenes:
+            _Bench(plan, scene, opened, folder, state, counter).run()
+    except _StoppedError:
+        complete = False
+    results = assemble(plan, opened, state.data, complete=complete, command=command)
+    write_results(results, folder)
+    return results
+
+
+class _State:
+    """Everything measured so far, written after every render."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.data: dict[str, Any] = {"scenes": {}, "setup": {}, "renders": {}}
+        if path.exists():
+            try:
+                self.data = json.loads(path.read_text())
+            except ValueError:
+                raise BenchError(
+                    f"{path}: not JSON; it was edited or damaged, remove it to start again"
+                ) from None
+
+    def save(self) -> None:
+        with atomic_path(self.path) as temporary:
+            temporary.write_text(json.dumps(self.data))
+
+
+class _Counter:
+    """Path samples done, over all scenes, for the caller's progress function."""
+
+    def __init__(self, progress: Progress | None, plan: Plan) -> None:
+        self.progress = progress
+        self.done = 0
+        self.total = sum(
+            (plan.samples_a_pixel() + plan.reference_spp) * s.film.width * s.film.height
+            for s in plan.scenes
+        )
+
+    def forget(self, samples: int) -> None:
+        """Take out of the total what need not be rendered."""
+        self.total -= samples
+
+    def __call__(self, done: int, total: int) -> bool:
+        stop = self.progress is not None and self.progress(self.done + done, self.total)
+        if done == total:
+            self.done += total
+        return bool(stop)
+
+
+class _Bench:
+    """One scene of a plan."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        scene: Scene,
+        device: Device,
+        folder: Path,
+        state: _State,
+        counter: _Counter,
+    ) -> None:
+        self.plan, self.scene, self.device = plan, scene, device
+        self.folder, self.state, self.counter = folder, state, counter
+        self.n_pixels = scene.film.width * scene.film.height
+
+    def run(self) -> None:
+        """Render everything that is missing."""
+        content = scene_digest(self.scene)
+        renderers = {name: self._renderer(name) for name in self.plan.sampling}
+        keys = {name: self._key(content, r) for name, r in renderers.items()}
+        self._check_keys(keys)
+        reference = self._reference(content, renderers)
+        for key, run, spp, name in self._missing(keys):
+            record, image = self._measure(renderers[name], reference, run, spp, name)
+            if run == 0:
+                image.save(self.folder / IMAGES / f"{self.scene.name}-{name}-{spp}.exr")
+            self.state.data["renders"][key] = record
+            self.state.save()
+            log.debug("%s: %.2f s, RMSE %.4g", key, record["seconds"], record["rmse"])
+
+    def _renderer(self, sampling: str) -> Renderer:
+        """A renderer that has compiled all that its first render would."""
+        renderer = Renderer(with_overrides(self.scene, sampling=sampling), self.device)
+        start = time.perf_counter()
+        renderer.advance(1)
+        first = time.perf_counter() - start
+        setup = {name: renderer.seconds[name] for name in ("curves", "bvh", "tables", "compile")}
+        self.state.data["setup"][f"{self.scene.name}|{sampling}"] = {
+            **setup,
+            "first_sample": first,
+            "bytes": renderer.stats()["bytes"],
+        }
+        return renderer
+
+    def _key(self, content: str, renderer: Renderer) -> str:
+        device = (self.device.name, self.device.platform, self.device.driver_version)
+        return digest(content, kernel_digest(renderer.features), device)
+
+    def _check_keys(self, keys: Mapping[str, str]) -> None:
+        for key, record in self.state.data["renders"].items():
+            scene, name = key.split("|")[:2]
+            if scene == self.scene.name and name in keys and record["key"] != keys[name]:
+                raise BenchError(
+                    f"{self.state.path}: holds renders of {scene} by {name} from another scene, "
+                    f"size, device or version of the kernels; continue with what it was begun "
+                    f"with, or give another folder"
+                )
+        self.keys = keys
+
+    def _missing(self, keys: Mapping[str, str]) -> Iterator[tuple[str, int, int, str]]:
+        todo = []
+        for run, spp, name in self.plan.renders():
+            key = f"{self.scene.name}|{name}|{spp}|{run}"
+            if key in self.state.data["renders"]:
+                self.counter.forget(spp * self.n_pixels)
+            else:
+                todo.append((key, run, spp, name))
+        yield from todo
+
+    def _render_once(
+        self, renderer: Renderer, seed: int, spp: int, *, count: bool = True
+    ) -> tuple[Image, float, float]:
+        """Independent samples of a seed: image, wall seconds, CPU seconds of this process."""
+        renderer.restart(seed)
+        cpu = time.process_time()
+        complete = renderer.advance(spp, self.counter if count else None)
+        cpu = time.process_time() - cpu
+        if not complete:
+            raise _StoppedError
+        return renderer.image(), renderer.seconds["render"], cpu
+
+    def _reference(self, content: str, renderers: Mapping[str, Renderer]) -> Reference:
+        able = {name: r for name, r in renderers.items() if name in BUILT_IN}
+        if not able:
+            able = {"full-cdf": self._renderer("full-cdf")}
+        name, figures = choose_sampler(
+            able, self.plan.seed_of, lambda r, s, n: self._render_once(r, s, n, count=False)
+        )
+        arguments = (able[name], content, self.plan.reference_spp, self.plan.seed_of)
+        left = reference_samples_left(*arguments)
+        self.counter.forget((self.plan.reference_spp - left) * self.n_pixels)
+        reference = render_reference(*arguments, self._render_once)
+        reference.image.save(self.folder / IMAGES / f"{self.scene.name}-reference.exr")
+        curves = self.scene.build_curves()
+        self.state.data["scenes"][self.scene.name] = {
+            **scene_facts(self.scene, curves),
+            "reference": {**reference.facts, "pilot": figures},
+        }
+        return reference
+
+    def _measure(
+        self, renderer: Renderer, reference: Reference, run: int, spp: int, name: str
+    ) -> tuple[dict[str, Any], Image]:
+        """One render and its errors."""
+        seed = self.plan.seed_of(self.scene.name, name, spp, run)
+        image, seconds, cpu_seconds = self._render_once(renderer, seed, spp)
+        assert image.variance is not None
+        truth = reference.image.rgb
+        weight = 1.0 / (truth.astype(np.float64) ** 2 + compare.REL_EPSILON)
+        raw = compare.rmse(image.rgb, truth) ** 2
+        mse = raw - float(reference.variance.mean())
+        stats = image.stats
+        record = {
+            "key": self.keys[name],
+            "seed": seed,
+            "seconds": seconds,
+            "cpu_seconds": cpu_seconds,
+            "mse_against_reference": raw,
+            "mse": mse,
+            "rmse": float(np.sqrt(max(mse, 0.0))),
+            "relmse": compare.relmse(image.rgb, truth)
+            - float((reference.variance * weight).mean()),
+            "flip": compare.flip(image.rgb, truth),
+            "variance": float(image.variance.astype(np.float64).mean()),
+            "mean": float(image.rgb.astype(np.float64).mean()),
+            "rays": stats["rays"],
+            "paths": stats["paths"],
+            "path_length": stats["path_length"],
+            "hits_per_path": stats["hits_per_path"],
+            "lobes": stats["lobes"],
+            "nonfinite": stats["nonfinite"],
+        }
+        return record, image

@@ -1,0 +1,90 @@
+"""What a convergence run renders, in which order, with which seeds."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from furcl import samplers
+from furcl.errors import BenchError
+from furcl.scene import Scene
+
+SAMPLING = ("uniform-h", "attenuation-cdf", "full-cdf")
+SPP = (64, 128, 256, 512)
+RUNS = 5
+REFERENCE_FACTOR = 16
+MIN_RUNS = 2
+
+# `--quick`: the same code on small pictures of thinned grooms.
+QUICK_SIZE = (48, 48)
+QUICK_SPP = (4, 8, 16, 32)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Scenes, samplers and sample counts to compare.
+
+    Attributes
+    ----------
+    scenes : tuple of Scene     with different names; their spp, seed and sampling are not used
+    sampling : tuple of str     names of samplers; the first one is what the others are compared with
+    spp : tuple of int          ascending, at least two
+    runs : int                  independent renders of each, at least 2; 5 or more for good intervals
+    seed : int                  all seeds follow from it
+    reference_spp : int         of the reference image; 0 for 16 times the largest of `spp`
+    """
+
+    scenes: tuple[Scene, ...]
+    sampling: tuple[str, ...] = SAMPLING
+    spp: tuple[int, ...] = SPP
+    runs: int = RUNS
+    seed: int = 1
+    reference_spp: int = 0
+
+    def __post_init__(self) -> None:
+        names = [scene.name for scene in self.scenes]
+        if not names or len(set(names)) != len(names):
+            raise BenchError(
+                f"scenes {names}: one or more scenes with different names are needed; rename the "
+                f"files or set `name`"
+            )
+        if not self.sampling or len(set(self.sampling)) != len(self.sampling):
+            raise BenchError(f"sampling {list(self.sampling)}: name each sampler once")
+        for name in self.sampling:
+            samplers.find(name)
+        if len(self.spp) < 2 or list(self.spp) != sorted(set(self.spp)) or self.spp[0] < 2:
+            raise BenchError(
+                f"spp {list(self.spp)}: two or more ascending numbers from 2 on are needed: the "
+                f"slope and the variance follow from them"
+            )
+        if self.runs < MIN_RUNS:
+            raise BenchError(
+                f"runs = {self.runs}: at least {MIN_RUNS} are needed for an interval, 5 or more "
+                f"for a good one"
+            )
+        if self.reference_spp == 0:
+            object.__setattr__(self, "reference_spp", REFERENCE_FACTOR * self.spp[-1])
+        if self.reference_spp < self.spp[-1]:
+            raise BenchError(
+                f"reference_spp = {self.reference_spp}: the reference needs at least as many "
+                f"samples as the largest spp, {self.spp[-1]}; 16 times that is the default"
+            )
+
+    def renders(self) -> Iterator[tuple[int, int, str]]:
+        """(run, spp, sampling) of one scene in the order of rendering.
+
+        Samplers take turns, A B C A B C, so that a machine that slows down hurts all alike.
+        """
+        for run in range(self.runs):
+            for spp in self.spp:
+                for sampling in self.sampling:
+                    yield run, spp, sampling
+
+    def samples_a_pixel(self) -> int:
+        """Samples that every pixel of a scene gets in all measured renders."""
+        return self.runs * sum(self.spp) * len(self.sampling)
+
+    def seed_of(self, *what: object) -> int:
+        """The seed of one render: a hash of the plan's seed and what the render is."""
+        return zlib.crc32("|".join(map(str, (self.seed, *what))).encode())

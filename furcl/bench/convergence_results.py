@@ -1,0 +1,230 @@
+"""From single renders to results.json and results.csv (schema in docs/convergence.md)."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import platform
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from furcl.bench.convergence_plan import Plan
+from furcl.bench.convergence_statistics import (
+    Curve,
+    compare_curves,
+    mean_interval,
+    ratio_interval,
+    slope,
+)
+from furcl.curves import Curves
+from furcl.device import Device
+from furcl.files import atomic_path
+from furcl.scene import Scene
+from furcl.version import software
+
+SCHEMA = "furcl-convergence-1"
+MEASURES = ("seconds", "cpu_seconds", "rmse", "relmse", "flip")
+CSV_COLUMNS = (
+    "scene", "sampling", "spp", "run", "seed", "seconds", "cpu_seconds", "mse_against_reference",
+    "mse", "rmse", "relmse", "flip", "variance", "mean", "rays", "paths", "path_length",
+    "hits_per_path", "nonfinite",
+)  # fmt: skip
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, memory and system of this machine."""
+    model = platform.processor()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        lines = (line.partition(":") for line in info.read_text().splitlines())
+        model = next((v.strip() for k, _, v in lines if k.strip() == "model name"), model)
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return {
+        "processor": model or platform.machine(),
+        "cores": os.cpu_count(),
+        "memory_gib": round(memory / 2**30, 1),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+    }
+
+
+def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
+    """Size, groom, light and how wide the fibres are on the film."""
+    camera = scene.resolved_camera(curves)
+    assert camera.origin is not None
+    distances = np.linalg.norm(curves.points - np.asarray(camera.origin), axis=1)
+    pixel = 2.0 * math.tan(0.5 * math.radians(camera.vfov_deg)) / scene.film.height
+    return {
+        "width": scene.film.width,
+        "height": scene.film.height,
+        "strands": curves.n_strands,
+        "segments": curves.n_segments,
+        "fibre_width_px": float(np.median(2.0 * curves.radii / (distances * pixel))),
+        "document": msgspec.to_builtins(scene),
+    }
+
+
+def assemble(
+    plan: Plan, device: Device, data: Mapping[str, Any], *, complete: bool, command: str
+) -> dict[str, Any]:
+    """The results of what has been rendered so far.
+
+    Samplers of a scene are compared over the runs that all of them have at all sample counts.
+    """
+    records = _in_plan(plan, data["renders"])
+    return {
+        "schema": SCHEMA,
+        "software": software(),
+        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "command": command or " ".join(sys.argv),
+        "complete": complete,
+        "machine": machine(),
+        "device": {
+            "name": device.name,
+            "platform": device.platform,
+            "driver": device.driver_version,
+        },
+        "plan": {
+            "sampling": list(plan.sampling),
+            "spp": list(plan.spp),
+            "runs": plan.runs,
+            "seed": plan.seed,
+            "reference_spp": plan.reference_spp,
+        },
+        "scenes": [
+            {
+                "name": scene.name,
+                **data["scenes"][scene.name],
+                **_scene_results(plan, scene.name, records, data["setup"]),
+            }
+            for scene in plan.scenes
+            if scene.name in data["scenes"]
+        ],
+        "renders": [
+            {"scene": scene, "sampling": name, "spp": spp, "run": run, **record}
+            for (scene, name, spp, run), record in records.items()
+        ],
+    }
+
+
+Records = Mapping[tuple[str, str, int, int], Mapping[str, Any]]
+
+
+def _in_plan(plan: Plan, renders: Mapping[str, Any]) -> Records:
+    wanted = {
+        (scene.name, name, spp, run) for scene in plan.scenes for run, spp, name in plan.renders()
+    }
+    found = {}
+    for key, record in renders.items():
+        scene, name, spp, run = key.split("|")
+        if (scene, name, int(spp), int(run)) in wanted:
+            found[scene, name, int(spp), int(run)] = record
+    return found
+
+
+def _scene_results(
+    plan: Plan, scene: str, records: Records, setup: Mapping[str, Any]
+) -> dict[str, Any]:
+    whole = [
+        run
+        for run in range(plan.runs)
+        if all((scene, n, spp, run) in records for n in plan.sampling for spp in plan.spp)
+    ]
+    curves = {
+        name: Curve(
+            np.array(plan.spp, np.float64),
+            _table(records, scene, name, plan.spp, whole, "seconds"),
+            _table(records, scene, name, plan.spp, whole, "rmse"),
+        )
+        for name in plan.sampling
+    }
+    found = []
+    for name in plan.sampling:
+        entry: dict[str, Any] = {"name": name, "setup": setup.get(f"{scene}|{name}", {})}
+        entry["spp"] = [
+            _cell(spp, rows)
+            for spp in plan.spp
+            if (
+                rows := [
+                    r for (s, n, c, _), r in records.items() if (s, n, c) == (scene, name, spp)
+                ]
+            )
+        ]
+        entry |= _lobe_statistics(
+            [r for (s, n, _, _), r in records.items() if (s, n) == (scene, name)]
+        )
+        if whole:
+            entry["slope"] = slope(plan.spp, curves[name].rmse).as_dict()
+        found.append(entry)
+    baseline = plan.sampling[0]
+    comparisons = [
+        {"sampling": name, "baseline": baseline, **compare_curves(curves[name], curves[baseline])}
+        for name in plan.sampling[1:]
+        if whole
+    ]
+    return {"complete_runs": len(whole), "samplers": found, "comparisons": comparisons}
+
+
+def _table(
+    records: Records, scene: str, name: str, spp: tuple[int, ...], runs: list[int], key: str
+) -> np.ndarray:
+    """(runs, spp) values of a measure."""
+    rows = [[records[scene, name, s, run][key] for s in spp] for run in runs]
+    return np.array(rows, np.float64).reshape(len(runs), len(spp))
+
+
+def _cell(spp: int, rows: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """One sampler at one sample count."""
+    cell: dict[str, Any] = {"spp": spp, "runs": len(rows)}
+    for name in MEASURES:
+        cell[name] = mean_interval([row[name] for row in rows]).as_dict()
+    cell["variance"] = float(np.mean([row["variance"] for row in rows]))
+    positive = [row["mse"] / row["variance"] for row in rows if row["variance"] > 0.0 < row["mse"]]
+    cell["mse_over_variance"] = ratio_interval(positive).as_dict() if positive else None
+    cell["reference_share"] = float(
+        np.mean([1.0 - row["mse"] / row["mse_against_reference"] for row in rows])
+    )
+    cell["mrays_s"] = float(np.mean([row["rays"] / row["seconds"] / 1e6 for row in rows]))
+    return cell
+
+
+def _lobe_statistics(rows: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """Over all renders of a sampler: which lobes it chose, and how long its paths were."""
+    if not rows:
+        return {}
+    counts = {name: sum(row["lobes"][name] for row in rows) for name in rows[0]["lobes"]}
+    total = max(sum(counts.values()), 1)
+    paths = sum(row["paths"] for row in rows)
+    return {
+        "lobes": {
+            "counts": counts,
+            "shares": {name: count / total for name, count in counts.items()},
+            "total": sum(counts.values()),
+        },
+        "paths": paths,
+        "path_length": sum(row["path_length"] * row["paths"] for row in rows) / paths,
+        "hits_per_path": sum(row["hits_per_path"] * row["paths"] for row in rows) / paths,
+        "nonfinite": sum(row["nonfinite"] for row in rows),
+    }
+
+
+def write_results(results: Mapping[str, Any], folder: Path) -> None:
+    """Write results.json and results.csv (one line a render)."""
+    with atomic_path(folder / "results.json") as temporary:
+        temporary.write_text(json.dumps(results, indent=1) + "\n")
+    lobes = list(dict.fromkeys(name for row in results["renders"] for name in row["lobes"]))
+    with atomic_path(folder / "results.csv") as temporary, temporary.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*CSV_COLUMNS, *lobes])
+        for row in results["renders"]:
+            writer.writerow(
+                [*(row[name] for name in CSV_COLUMNS), *(row["lobes"].get(n, 0) for n in lobes)]
+            )

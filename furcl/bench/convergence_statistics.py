@@ -1,0 +1,159 @@
+"""Means, intervals and comparisons of repeated renders.
+
+All intervals are Student t intervals over independent runs. Ratios and slopes are taken run by run,
+in logarithms: the samplers of one run were rendered side by side, so what slowed the machine then
+slowed them all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A mean over n runs with its interval; low and high are NaN for a single run."""
+
+    mean: float
+    low: float
+    high: float
+    n: int
+
+    def contains(self, value: float) -> bool:
+        """Whether the interval holds a value."""
+        return self.low <= value <= self.high
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, None for NaN."""
+        return {k: None if v != v else v for k, v in asdict(self).items()}
+
+
+def mean_interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
+    """Mean of independent values and its t interval."""
+    x = np.asarray(values, np.float64)
+    mean = float(x.mean())
+    if x.size < 2:
+        return Estimate(mean, np.nan, np.nan, int(x.size))
+    from scipy.stats import t
+
+    half = float(t.ppf(0.5 + 0.5 * confidence, x.size - 1) * x.std(ddof=1) / np.sqrt(x.size))
+    return Estimate(mean, mean - half, mean + half, int(x.size))
+
+
+def ratio_interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
+    """Geometric mean of positive values and the t interval of their logarithms."""
+    e = mean_interval(np.log(np.asarray(values, np.float64)), confidence)
+    return Estimate(float(np.exp(e.mean)), float(np.exp(e.low)), float(np.exp(e.high)), e.n)
+
+
+def slope(spp: ArrayLike, error: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
+    """Exponent of the error as a power of the number of samples: -1/2 for Monte Carlo.
+
+    Parameters
+    ----------
+    spp : (k,)              at least two
+    error : (runs, k)       > 0; a line is fitted to each run, the interval is over the runs
+    """
+    x = np.log(np.asarray(spp, np.float64))
+    y = np.log(np.asarray(error, np.float64))
+    x = x - x.mean()
+    return mean_interval((y - y.mean(axis=1, keepdims=True)) @ x / (x @ x), confidence)
+
+
+def interpolate(at: float, x: ArrayLike, y: ArrayLike, power: float) -> tuple[float, bool]:
+    """Value of a curve, linear in log y over log x between its points.
+
+    Beyond the first and last point it goes on as x to the `power`; the second value returned says
+    whether that was needed.
+    """
+    order = np.argsort(x)
+    log_x = np.log(np.asarray(x, np.float64)[order])
+    log_y = np.log(np.asarray(y, np.float64)[order])
+    target = np.log(at)
+    value = np.interp(target, log_x, log_y)
+    beyond = min(target - log_x[0], 0.0) + max(target - log_x[-1], 0.0)
+    return float(np.exp(value + power * beyond)), bool(beyond != 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What one sampler did in every run: (runs, k) arrays over the k sample counts `spp`."""
+
+    spp: NDArray[np.float64]
+    seconds: NDArray[np.float64]
+    rmse: NDArray[np.float64]
+
+
+def compare_curves(curve: Curve, baseline: Curve) -> dict[str, Any]:
+    """A sampler against a baseline rendered in the same runs.
+
+    Returns
+    -------
+    dict with, for every sample count of the sampler,
+        same_spp        rmse_ratio, seconds_ratio at the same number of samples
+        equal_time      rmse_ratio when the baseline renders as long, its rmse and its spp then,
+                        `extrapolated` if that is beyond what was measured
+        equal_error     speed_up: the baseline's time to the same RMSE over the sampler's
+    and efficiency: (RMSE^2 x time) of the baseline over that of the sampler, over all counts;
+    ratios are Estimates as dicts
+    """
+    same, equal_time, equal_error = [], [], []
+    n_runs = len(curve.rmse)
+    for k, spp in enumerate(curve.spp.tolist()):
+        at_time, at_error, counts = [], [], []
+        beyond_time = beyond_error = False
+        for r in range(n_runs):
+            seconds, rmse = curve.seconds[r, k], curve.rmse[r, k]
+            base_seconds, base_rmse = baseline.seconds[r], baseline.rmse[r]
+            value, beyond = interpolate(seconds, base_seconds, base_rmse, -0.5)
+            at_time.append(value)
+            beyond_time |= beyond
+            counts.append(interpolate(seconds, base_seconds, baseline.spp, 1.0)[0])
+            value, beyond = interpolate(rmse, base_rmse, base_seconds, -2.0)
+            at_error.append(value)
+            beyond_error |= beyond
+        if spp in baseline.spp:
+            j = int(np.flatnonzero(baseline.spp == spp)[0])
+            same.append(
+                {
+                    "spp": int(spp),
+                    "rmse_ratio": _ratio(curve.rmse[:, k], baseline.rmse[:, j]),
+                    "seconds_ratio": _ratio(curve.seconds[:, k], baseline.seconds[:, j]),
+                }
+            )
+        equal_time.append(
+            {
+                "spp": int(spp),
+                "seconds": float(curve.seconds[:, k].mean()),
+                "rmse": float(curve.rmse[:, k].mean()),
+                "baseline_rmse": ratio_interval(at_time).mean,
+                "baseline_spp": ratio_interval(counts).mean,
+                "rmse_ratio": _ratio(curve.rmse[:, k], at_time),
+                "extrapolated": beyond_time,
+            }
+        )
+        equal_error.append(
+            {
+                "spp": int(spp),
+                "rmse": float(curve.rmse[:, k].mean()),
+                "speed_up": _ratio(at_error, curve.seconds[:, k]),
+                "extrapolated": beyond_error,
+            }
+        )
+    cost, base_cost = (np.log(c.rmse**2 * c.seconds).mean(axis=1) for c in (curve, baseline))
+    return {
+        "same_spp": same,
+        "equal_time": equal_time,
+        "equal_error": equal_error,
+        "efficiency": ratio_interval(np.exp(base_cost - cost)).as_dict(),
+    }
+
+
+def _ratio(values: ArrayLike, over: ArrayLike) -> dict[str, Any]:
+    return ratio_interval(np.asarray(values) / np.asarray(over)).as_dict()
