@@ -52,7 +52,6 @@ def run(
     *,
     device: str | Device | None = None,
     progress: Progress | None = None,
-    command: str = "",
 ) -> dict[str, Any]:
     """Render what `folder` does not hold yet, and compare.
 
@@ -64,7 +63,6 @@ def run(
     device : str, Device or None    as for `furcl.render`
     progress : callable or None     called with the path samples done and those of the whole run;
                                     stops the run by returning true: what is rendered is kept
-    command : str           to be named in the results
 
     Returns
     -------
@@ -87,7 +85,7 @@ def run(
             _Bench(plan, scene, opened, folder, state, counter).run()
     except _StoppedError:
         complete = False
-    results = assemble(plan, opened, state.data, complete=complete, command=command)
+    results = assemble(plan, opened, state.data, complete=complete)
     write_results(results, folder)
     return results
 

@@ -28,9 +28,9 @@ class Plan:
     Attributes
     ----------
     scenes : tuple of Scene     with different names; their spp, seed and sampling are not used
-    sampling : tuple of str     names of samplers; the first one is what the others are compared with
+    sampling : tuple of str     names; the others are compared with the first
     spp : tuple of int          ascending, at least two
-    runs : int                  independent renders of each, at least 2; 5 or more for good intervals
+    runs : int                  independent renders of each, 5 or more for good intervals
     seed : int                  all seeds follow from it
     reference_spp : int         of the reference image; 0 for 16 times the largest of `spp`
     """

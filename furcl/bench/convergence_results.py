@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
-import os
-import platform
-import sys
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,11 +19,11 @@ from furcl.bench.convergence_statistics import (
     ratio_interval,
     slope,
 )
+from furcl.bench.record import circumstances, write_json
 from furcl.curves import Curves
 from furcl.device import Device
 from furcl.files import atomic_path
 from furcl.scene import Scene
-from furcl.version import software
 
 SCHEMA = "furcl-convergence-1"
 MEASURES = ("seconds", "cpu_seconds", "rmse", "relmse", "flip")
@@ -37,23 +32,6 @@ CSV_COLUMNS = (
     "mse", "rmse", "relmse", "flip", "variance", "mean", "rays", "paths", "path_length",
     "hits_per_path", "nonfinite",
 )  # fmt: skip
-
-
-def machine() -> dict[str, Any]:
-    """Processor, cores, memory and system of this machine."""
-    model = platform.processor()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        lines = (line.partition(":") for line in info.read_text().splitlines())
-        model = next((v.strip() for k, _, v in lines if k.strip() == "model name"), model)
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return {
-        "processor": model or platform.machine(),
-        "cores": os.cpu_count(),
-        "memory_gib": round(memory / 2**30, 1),
-        "system": f"{platform.system()} {platform.release()}",
-        "python": platform.python_version(),
-    }
 
 
 def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
@@ -73,7 +51,7 @@ def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
 
 
 def assemble(
-    plan: Plan, device: Device, data: Mapping[str, Any], *, complete: bool, command: str
+    plan: Plan, device: Device, data: Mapping[str, Any], *, complete: bool
 ) -> dict[str, Any]:
     """The results of what has been rendered so far.
 
@@ -82,16 +60,8 @@ def assemble(
     records = _in_plan(plan, data["renders"])
     return {
         "schema": SCHEMA,
-        "software": software(),
-        "created": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "command": command or " ".join(sys.argv),
+        **circumstances(device),
         "complete": complete,
-        "machine": machine(),
-        "device": {
-            "name": device.name,
-            "platform": device.platform,
-            "driver": device.driver_version,
-        },
         "plan": {
             "sampling": list(plan.sampling),
             "spp": list(plan.spp),
@@ -218,8 +188,7 @@ def _lobe_statistics(rows: list[Mapping[str, Any]]) -> dict[str, Any]:
 
 def write_results(results: Mapping[str, Any], folder: Path) -> None:
     """Write results.json and results.csv (one line a render)."""
-    with atomic_path(folder / "results.json") as temporary:
-        temporary.write_text(json.dumps(results, indent=1) + "\n")
+    write_json(dict(results), folder / "results.json")
     lobes = list(dict.fromkeys(name for row in results["renders"] for name in row["lobes"]))
     with atomic_path(folder / "results.csv") as temporary, temporary.open("w", newline="") as file:
         writer = csv.writer(file)
