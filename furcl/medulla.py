@@ -26,12 +26,11 @@ from furcl.layout import (
     PROFILE_THETAS,
 )
 from furcl.medulla_walk import (
-    AZIMUTH_ROWS,
     Tally,
     absorption_channels,
     relative_errors,
-    row_errors,
     simulate,
+    worst_errors,
 )
 
 FORMAT_VERSION = 1
@@ -184,23 +183,22 @@ def _shapes(fibre: Fibre) -> dict[str, tuple[int, ...]]:
 
 def _arrays(tally: Tally) -> dict[str, np.ndarray]:
     """Tables as they are stored: shares of bins (float64), errors, absorption."""
-    scores = tally.sums[:, :, 0]
     phis = (PROFILE_TAUS, PROFILE_OFFSETS, PROFILE_PHIS)
-    share, error = relative_errors(scores[:AZIMUTH_ROWS])
-    bands = scores[AZIMUTH_ROWS:].reshape(PROFILE_THETAS, -1, 2, PROFILE_SINES)
-    s_share, s_error = relative_errors(np.moveaxis(bands, 2, 1))
+    sines = (PROFILE_THETAS, 2, PROFILE_SINES)
+    scores = tally.azimuth[:, :, 0]
+    share, error = relative_errors(scores)
+    s_share, s_error = relative_errors(tally.longitudinal)
+    worst = max(worst_errors(scores).max(), worst_errors(tally.longitudinal).max())
     limit = np.finfo(np.float32).max
     arrays = {
         "azimuth_share": share.reshape(phis),
         "azimuth_error": np.minimum(error, limit).reshape(phis).astype(np.float32),
-        "longitudinal_share": s_share,
-        "longitudinal_error": np.minimum(s_error, limit).astype(np.float32),
-        "summary": np.array(
-            [row_errors(tally.sums).max(), tally.photons.sum() * scores.shape[1], tally.given_up]
-        ),
+        "longitudinal_share": s_share.reshape(sines),
+        "longitudinal_error": np.minimum(s_error, limit).reshape(sines).astype(np.float32),
+        "summary": np.array([worst, tally.photons, tally.given_up]),
     }
-    if tally.sums.shape[2] > 1:
-        sums = tally.sums[:AZIMUTH_ROWS].sum(axis=1)
+    if tally.azimuth.shape[2] > 1:
+        sums = tally.azimuth.sum(axis=1)
         weight = np.maximum(sums[:, :1], np.finfo(np.float64).tiny)
         absorption = np.minimum(sums[:, 1:] / weight, 1.0)
         arrays["absorption"] = np.moveaxis(absorption, 1, 2).reshape(*phis, -1).astype(np.float32)

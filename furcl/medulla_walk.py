@@ -1,7 +1,7 @@
 """Launches the random walks behind the medulla profiles and adds their counts up.
 
-The walks are in kernels/medulla.cl. Source: SPEC 2.6; expected-value (last-flight) estimators are
-classic (Spanier and Gelbard 1969). Photons are added row by row until the table is good enough.
+The walks are in kernels/medulla.cl. Source: SPEC 2.6; estimators by expected value, forced
+collisions and the balance heuristic are classic (Spanier and Gelbard 1969, Veach 1997).
 """
 
 from __future__ import annotations
@@ -33,32 +33,36 @@ BATCHES = 64
 """Independent batches of each row; their spread gives the standard errors."""
 
 OPTICAL_RADIUS_CAP = 40.0
-"""Largest (1 - g) tau that is walked; denser media are replaced by this one, see `plan_rows`."""
+"""Largest (1 - g) tau that is walked; see `plan_rows`."""
 
-TARGET_ERROR = 0.0175
-"""Photons are added to a row until its relative standard error is below this."""
+TARGET_ERROR = 0.0195
+"""Photons are added until every relative standard error is below this."""
 
 FIRST_PHOTONS = 24
+CYCLE = 24
+"""Longitudinal photons come in multiples of this (kernels/medulla.cl)."""
+
 COLLISION_BUDGET = 60e6
 MAX_ROUNDS = 8
 GROWTH = 5.0
 
 
 @dataclass(frozen=True)
-class RowPlan:
-    """What enters the cylinder in each of the 128 azimuthal and 16 longitudinal rows.
+class Plan:
+    """What enters the cylinder.
 
     Attributes
     ----------
-    rows : (144, 10) float32    tau, absorption (3), cos and sin of theta_i, h, sqrt(1 - h^2),
-                                kind, photons a batch; all per medulla radius
-    max_collisions : int        after which a photon is given up
-    capped : bool               some row is denser than OPTICAL_RADIUS_CAP
+    azimuth : (128, 8) float32      tau, absorption (3), h, sqrt(1 - h^2), kind, photons
+    longitudinal : (1, 8) float32   the same for all 16 rows over theta_i; tau and kind are used
+    incidence : (2, 16) float32     cos and sin of theta_i
+    max_collisions : int            after which a photon is given up
     """
 
-    rows: np.ndarray
+    azimuth: np.ndarray
+    longitudinal: np.ndarray
+    incidence: np.ndarray
     max_collisions: int
-    capped: bool
 
 
 @dataclass
@@ -67,16 +71,25 @@ class Tally:
 
     Attributes
     ----------
-    sums : (144, BATCHES, 1 + channels, 128) float64    scores; then scores times absorption
-    photons : (144,) int        photons of each batch of a row
-    collisions : float          of all photons
-    given_up : float            largest share of a row's weight that max_collisions cut off
+    azimuth : (128, BATCHES, 1 + channels, 128) float64     scores; then scores times absorption
+    longitudinal : (32, BATCHES, 64) float64                scores of 16 rows x (back, front)
+    azimuth_photons : (128,) int        photons of each batch of a row
+    longitudinal_photons : int          photons of each batch, shared by the rows
+    collisions : float                  of all photons
+    given_up : float                    largest share of a row's weight that max_collisions cut off
     """
 
-    sums: np.ndarray
-    photons: np.ndarray
+    azimuth: np.ndarray
+    longitudinal: np.ndarray
+    azimuth_photons: np.ndarray
+    longitudinal_photons: int = 0
     collisions: float = 0.0
     given_up: float = 0.0
+
+    @property
+    def photons(self) -> int:
+        """All photons."""
+        return BATCHES * (int(self.azimuth_photons.sum()) + self.longitudinal_photons)
 
 
 def absorption_channels(fibre: Fibre) -> int:
@@ -92,36 +105,37 @@ def tau_nodes(fibre: Fibre) -> np.ndarray:
     return np.linspace(1.0, cos_min, PROFILE_TAUS)
 
 
-def plan_rows(fibre: Fibre) -> RowPlan:
+def make_plan(fibre: Fibre) -> Plan:
     """Describe every row.
 
     A medulla with (1 - g) tau > OPTICAL_RADIUS_CAP is walked with tau reduced to that and its
     absorption in proportion, which keeps albedo and phase function: what is re-emitted from the
     skin of a dense medium depends on these alone.
     """
-    rows = np.zeros((AZIMUTH_ROWS + PROFILE_THETAS, 10))
-    azimuth, longitudinal = rows[:AZIMUTH_ROWS], rows[AZIMUTH_ROWS:]
+    azimuth, longitudinal = np.zeros((AZIMUTH_ROWS, 8)), np.zeros((1, 8))
+    scale = np.repeat(fibre.kappa / tau_nodes(fibre), PROFILE_OFFSETS)
+    for rows, factor in ((azimuth, scale), (longitudinal, np.array([fibre.kappa]))):
+        # Below 1e-30 the profiles are those of single scattering; float32 needs a positive tau.
+        tau = np.maximum(factor * fibre.sigma_ms, 1e-30)
+        shrink = np.minimum(1.0, OPTICAL_RADIUS_CAP / (1.0 - fibre.g) / tau)
+        rows[:, 0] = shrink * tau
+        rows[:, 1:4] = (shrink * factor)[:, None] * np.asarray(fibre.sigma_ma)
     angle = np.linspace(0.0, 0.5 * np.pi, PROFILE_OFFSETS)
-    azimuth[:, 0] = np.repeat(fibre.kappa / tau_nodes(fibre), PROFILE_OFFSETS)
-    azimuth[:, 4] = 1.0
-    azimuth[:, 6] = np.tile(np.sin(angle), PROFILE_TAUS)
-    azimuth[:, 7] = np.tile(np.maximum(np.cos(angle), 0.0), PROFILE_TAUS)
-    azimuth[PROFILE_OFFSETS - 1 :: PROFILE_OFFSETS, 7] = 0.0
+    azimuth[:, 4] = np.tile(np.sin(angle), PROFILE_TAUS)
+    azimuth[:, 5] = np.tile(np.append(np.cos(angle[:-1]), 0.0), PROFILE_TAUS)
+    longitudinal[:, 6] = 1.0
     theta = np.linspace(0.0, 0.5 * np.pi, PROFILE_THETAS)
-    longitudinal[:, 0] = fibre.kappa
-    longitudinal[:, 4] = np.maximum(np.cos(theta), 1e-6)
-    longitudinal[:, 5] = np.sin(theta)
-    longitudinal[:, 8] = 1.0
-    rows[:, 1:4] = rows[:, :1] * np.asarray(fibre.sigma_ma)
-    rows[:, 0] *= fibre.sigma_ms
-    cap = OPTICAL_RADIUS_CAP / (1.0 - fibre.g)
-    shrink = np.minimum(1.0, cap / rows[:, :1])
-    rows[:, :4] *= shrink
+    incidence = np.stack([np.maximum(np.cos(theta), 1e-6), np.sin(theta)])
     # Slowest mode of diffusion in a cylinder: exp(-n (1 - g) 5.78 / (3 radius^2)) after n
     # collisions; this many leave less than 1e-9 of it.
-    radius = min(OPTICAL_RADIUS_CAP, float(rows[:, 0].max()) * (1.0 - fibre.g))
+    radius = float(azimuth[:, 0].max()) * (1.0 - fibre.g)
     max_collisions = math.ceil((64.0 + 12.0 * radius**2) / (1.0 - abs(fibre.g)))
-    return RowPlan(rows.astype(np.float32), max_collisions, bool((shrink < 1.0).any()))
+    return Plan(
+        azimuth.astype(np.float32),
+        longitudinal.astype(np.float32),
+        incidence.astype(np.float32),
+        max_collisions,
+    )
 
 
 def bin_centres() -> np.ndarray:
@@ -152,35 +166,28 @@ def relative_errors(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return share, np.where(share > 0.0, deviation / share, np.inf)
 
 
-def worst_error(sums: np.ndarray) -> np.ndarray:
+def worst_errors(sums: np.ndarray) -> np.ndarray:
     """(...) largest relative error among the bins that hold more than 1 % of the mean."""
     share, error = relative_errors(sums)
     return np.where(share > 0.01 / share.shape[-1], error, 0.0).max(axis=-1)
 
 
-def row_errors(sums: np.ndarray) -> np.ndarray:
-    """(144,) `worst_error` of each row; of the worse band in a longitudinal one."""
-    scores = sums[:, :, 0]
-    bands = scores[AZIMUTH_ROWS:].reshape(PROFILE_THETAS, -1, 2, PROFILE_SINES)
-    longitudinal = worst_error(np.moveaxis(bands, 2, 1)).max(axis=1)
-    return np.concatenate([worst_error(scores[:AZIMUTH_ROWS]), longitudinal])
-
-
 class Walker:
-    """The kernel of one fibre, ready to add photons to any rows."""
+    """The kernels of one fibre, ready to add photons."""
 
     def __init__(self, device: Device, fibre: Fibre, seed: int) -> None:
         self.channels = absorption_channels(fibre)
-        self.plan = plan_rows(fibre)
+        self.plan = make_plan(fibre)
         features = Features(profile_channels=self.channels)
-        self._kernel = cl.Kernel(program.build(device, "medulla.cl", features), "medulla_profiles")
+        self._program = program.build(device, "medulla.cl", features)
         self._device, self._g, self._seed = device, fibre.g, seed
-        n_rows = len(self.plan.rows)
         self.tally = Tally(
-            np.zeros((n_rows, BATCHES, 1 + self.channels, PROFILE_PHIS)), np.zeros(n_rows, int)
+            np.zeros((AZIMUTH_ROWS, BATCHES, 1 + self.channels, PROFILE_PHIS)),
+            np.zeros((2 * PROFILE_THETAS, BATCHES, PROFILE_SINES)),
+            np.zeros(AZIMUTH_ROWS, int),
         )
 
-    def add(self, rows: np.ndarray, photons: np.ndarray) -> None:
+    def add_azimuth(self, rows: np.ndarray, photons: np.ndarray) -> None:
         """Trace `photons` more in each batch of the given rows.
 
         Parameters
@@ -188,42 +195,63 @@ class Walker:
         rows : (n,) int         distinct indices
         photons : (n,) int      > 0
         """
-        tally, device = self.tally, self._device
-        described = self.plan.rows.copy()
-        described[rows, 9] = photons
-        memory = Memory(device)
+        tally, plan = self.tally, self.plan
+        described = plan.azimuth.copy()
+        described[rows, 7] = photons
         shape = (len(rows), BATCHES, 1 + self.channels, PROFILE_PHIS)
+        arrays = (described, rows.astype(np.uint32))
+        scalars = (BATCHES, int(tally.azimuth_photons.max()))
+        tally.azimuth[rows] += self._launch("medulla_azimuth", arrays, scalars, shape, photons)
+        tally.azimuth_photons[rows] += photons
+
+    def add_longitudinal(self, photons: int) -> None:
+        """Trace `photons` more, a multiple of CYCLE, in each batch of the longitudinal rows."""
+        tally, plan = self.tally, self.plan
+        shape = (1, BATCHES, 2 * PROFILE_THETAS, PROFILE_SINES)
+        arrays = (plan.longitudinal, plan.incidence)
+        scalars = (photons, tally.longitudinal_photons)
+        sums = self._launch("medulla_longitudinal", arrays, scalars, shape, np.array([photons]))
+        tally.longitudinal += np.moveaxis(sums[0], 0, 1)
+        tally.longitudinal_photons += photons
+
+    def _launch(
+        self,
+        name: str,
+        arrays: tuple[np.ndarray, np.ndarray],
+        scalars: tuple[int, int],
+        shape: tuple[int, ...],
+        photons: np.ndarray,
+    ) -> np.ndarray:
+        device, tally = self._device, self.tally
+        memory = Memory(device)
         sums = memory.allocate("sums", 4 * math.prod(shape))
-        stats = memory.allocate("stats", 8 * len(rows) * BATCHES)
-        self._kernel(
+        stats = memory.allocate("stats", 8 * shape[0] * shape[1])
+        cl.Kernel(self._program, name)(
             device.queue,
-            (len(rows) * BATCHES,),
-            (1,) if device.is_cpu else (64,),
-            memory.upload("rows", described),
-            memory.upload("job_rows", rows.astype(np.uint32)),
+            (shape[0] * shape[1],),
+            (1,) if device.is_cpu else (32,),
+            *(memory.upload(str(i), array) for i, array in enumerate(arrays)),
             memory.upload("centres", bin_centres()),
             np.float32(self._g),
-            np.uint32(BATCHES),
-            np.uint32(tally.photons.max()),
+            *(np.uint32(scalar) for scalar in scalars),
             np.uint32(self.plan.max_collisions),
             np.uint32(self._seed),
             sums,
             stats,
         )
-        tally.sums[rows] += memory.read(sums, shape)
-        counts = memory.read(stats, (len(rows), BATCHES, 2)).astype(np.float64).sum(axis=1)
-        tally.photons[rows] += photons
+        counts = memory.read(stats, (*shape[:2], 2)).astype(np.float64).sum(axis=1)
         tally.collisions += counts[:, 0].sum()
-        tally.given_up = max(tally.given_up, (counts[:, 1] / (photons * BATCHES)).max())
+        tally.given_up = max(tally.given_up, (counts[:, 1] / (photons * shape[1])).max())
+        return memory.read(sums, shape).astype(np.float64)
 
 
 def simulate(device: Device, fibre: Fibre, seed: int, photons: int | None) -> Tally:
-    """Trace photons until every row is good enough or the budget of collisions is spent.
+    """Trace photons until the tables are good enough or the budget of collisions is spent.
 
     Parameters
     ----------
-    photons : int or None   photons a row, rounded up to whole batches; None: as many as
-                            TARGET_ERROR asks for
+    photons : int or None   photons for each of the 144 rows, rounded up to whole batches; None: as
+                            many as TARGET_ERROR asks for
 
     Notes
     -----
@@ -232,24 +260,43 @@ def simulate(device: Device, fibre: Fibre, seed: int, photons: int | None) -> Ta
     """
     walker = Walker(device, fibre, seed)
     tally = walker.tally
-    everything = np.arange(len(tally.photons))
-    if photons is not None:
-        walker.add(everything, np.full(len(everything), -(-photons // BATCHES)))
-        return tally
-    depth = float(walker.plan.rows[:, 0].max())
+    everything = np.arange(AZIMUTH_ROWS)
+    depth = float(walker.plan.azimuth[:, 0].max())
     first = max(1, round(FIRST_PHOTONS * min(1.0, 60.0 / (1.0 + depth))))
-    walker.add(everything, np.full(len(everything), first))
-    for _ in range(MAX_ROUNDS):
-        errors = row_errors(tally.sums)
-        poor = np.flatnonzero(errors > TARGET_ERROR)
-        cost = tally.collisions / (tally.photons.sum() * BATCHES)
-        left = (COLLISION_BUDGET - tally.collisions) / (cost * BATCHES)
-        if not poor.size or left < len(poor):
-            break
-        have = tally.photons[poor]
-        factor = np.minimum(1.1 * (errors[poor] / TARGET_ERROR) ** 2 - 1.0, GROWTH)
-        wanted = np.maximum(have * np.maximum(factor, 0.2), 1.0)
-        wanted *= min(1.0, left / wanted.sum())
-        walker.add(poor, np.maximum(wanted.astype(int), 1))
-    log.debug("medulla profiles: %.3g collisions, %s photons", tally.collisions, tally.photons)
+    if photons is not None:
+        first = -(-photons // BATCHES)
+    walker.add_azimuth(everything, np.full(AZIMUTH_ROWS, first))
+    walker.add_longitudinal(CYCLE * first)
+    if photons is None:
+        _improve(walker)
+    log.debug("medulla profiles: %.3g collisions", tally.collisions)
     return tally
+
+
+def _improve(walker: Walker) -> None:
+    """Add photons where the tables are poor."""
+    tally = walker.tally
+    for _ in range(MAX_ROUNDS):
+        errors = worst_errors(tally.azimuth[:, :, 0])
+        poor = np.flatnonzero(errors > TARGET_ERROR)
+        more = _photons_to_add(tally.azimuth_photons[poor], errors[poor])
+        error = worst_errors(tally.longitudinal).max()
+        more_longitudinal = 0
+        if error > TARGET_ERROR:
+            have = np.array([tally.longitudinal_photons])
+            more_longitudinal = int(_photons_to_add(have, error)[0])
+        wanted = BATCHES * (int(more.sum()) + more_longitudinal) * tally.collisions / tally.photons
+        fits = min(1.0, max(0.0, COLLISION_BUDGET - tally.collisions) / max(wanted, 1.0))
+        more = (more * fits).astype(int)
+        if (more > 0).any():
+            walker.add_azimuth(poor[more > 0], more[more > 0])
+        more_longitudinal = int(more_longitudinal * fits) // CYCLE * CYCLE
+        if more_longitudinal:
+            walker.add_longitudinal(more_longitudinal)
+        if not more_longitudinal and not (more > 0).any():
+            break
+
+
+def _photons_to_add(have: np.ndarray, error: np.ndarray | float) -> np.ndarray:
+    factor = np.clip(1.05 * (error / TARGET_ERROR) ** 2 - 1.0, 0.1, GROWTH)
+    return np.ceil(have * factor)
