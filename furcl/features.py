@@ -10,6 +10,9 @@ from furcl import samplers
 ENVIRONMENTS = ("constant", "sky", "image")
 FILTERS = ("box", "tent", "gaussian")
 LOBES = ("R", "TT", "TRT", "TTs", "TRTs")
+SCATTERED_LOBES = ("TTs", "TRTs")
+RESIDUAL_LOBE = "residual"
+ALL_LOBES = (*LOBES, RESIDUAL_LOBE)
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class Features:
     layered : bool              cuticle other than a plain interface (layers != 1/2)
     tilt : bool                 alpha != 0
     residual : bool             lobe TRRT+ that closes the furnace
+    dropped_lobes : tuple       names of lobes left out because they carry next to nothing
     environment : str           one of ENVIRONMENTS
     light_sampling : bool       the environment is sampled too (MIS)
     body : bool                 an ellipsoid inside the groom
@@ -45,6 +49,7 @@ class Features:
     layered: bool = True
     tilt: bool = True
     residual: bool = False
+    dropped_lobes: tuple[str, ...] = ()
     environment: str = "constant"
     light_sampling: bool = False
     body: bool = False
@@ -61,6 +66,14 @@ class Features:
         return 6 if self.residual else 5
 
     @property
+    def lobes(self) -> tuple[str, ...]:
+        """Names of the lobes that are compiled in."""
+        absent = set(self.dropped_lobes)
+        if not self.scattered:
+            absent |= set(SCATTERED_LOBES)
+        return tuple(name for name in ALL_LOBES[: self.n_lobes] if name not in absent)
+
+    @property
     def sampler(self) -> samplers.Sampler:
         """The sampler that `sampling` names; its file is the virtual include "sampler.clh"."""
         return samplers.find(self.sampling)
@@ -69,7 +82,7 @@ class Features:
         """Names and values of the preprocessor defines, all prefixed FURCL_."""
         values: dict[str, int] = {}
         for name, value in asdict(self).items():
-            if name == "sampling":
+            if name in ("sampling", "dropped_lobes"):
                 continue
             if name == "environment":
                 value = ENVIRONMENTS.index(value)
@@ -78,6 +91,9 @@ class Features:
             values[f"FURCL_{name.upper()}"] = int(value)
         values["FURCL_PROFILE_ANGLES"] = int(self.sampler.scattered_angles == "profile")
         values["FURCL_LOBES"] = self.n_lobes
+        values["FURCL_LOBE_MASK"] = sum(
+            1 << index for index, name in enumerate(ALL_LOBES) if name in self.lobes
+        )
         return values
 
     def with_(self, **changes: Any) -> Features:

@@ -22,7 +22,7 @@ from furcl.image import Image
 from furcl.material import build_material
 from furcl.scene import Scene, triple
 from furcl.scene_io import with_overrides
-from furcl.specialise import left_out, scene_features
+from furcl.specialise import everything_on, left_out, scene_features
 from furcl.version import software
 from furcl.wavefront import Wavefront
 
@@ -33,6 +33,9 @@ Progress = Callable[[int, int], bool | None]
 # enough that their state stays in the caches.
 WAVE_SIZE_CPU = 1 << 15
 WAVE_SIZE_GPU = 1 << 20
+
+# Where the body is that kernels with body code get for a scene without one.
+NOWHERE = 1e12
 
 
 class Renderer:
@@ -46,6 +49,8 @@ class Renderer:
     scene : Scene
     device : str, Device or None    as for `furcl.render`
     wave_size : int or None         paths traced together
+    specialised : bool              False compiles what the scene does not need as well, for
+                                    comparison (`furcl bench features`)
 
     Attributes
     ----------
@@ -58,7 +63,11 @@ class Renderer:
     """
 
     def __init__(
-        self, scene: Scene, device: str | Device | None = None, wave_size: int | None = None
+        self,
+        scene: Scene,
+        device: str | Device | None = None,
+        wave_size: int | None = None,
+        specialised: bool = True,
     ) -> None:
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
@@ -75,8 +84,14 @@ class Renderer:
             environment = Environment.from_scene(scene.environment)
             self.environment_pixels_clamped = environment.n_negative
             fibre = scene.build_fibre()
-            self.features = scene_features(scene, fibre, environment)
-            self.material = build_material(self.memory, fibre, self.features)
+            features = scene_features(scene, fibre, environment)
+            self.material = build_material(
+                self.memory,
+                fibre,
+                features if specialised else everything_on(features),
+                drop_lobes=specialised,
+            )
+            self.features = self.material.features
             light = environment.device_buffer(self.features.light_sampling)
         self.n_segments = bvh.n_segments
         self.film = Film.allocate(
@@ -94,6 +109,7 @@ class Renderer:
                 self.film,
                 wave_size or (WAVE_SIZE_CPU if self.device.is_cpu else WAVE_SIZE_GPU),
             )
+            self.wavefront.warm_up()
         self.bvh_bytes = bvh.n_bytes
 
     @property
@@ -298,8 +314,9 @@ def camera_struct(scene: Scene, curves) -> np.ndarray:
 
 
 def body_struct(scene: Scene) -> np.ndarray:
-    """The struct Body of a scene; zeros without one."""
+    """The struct Body of a scene; without one a unit sphere that no ray meets."""
     out = np.zeros((), layout.struct_dtype("Body"))
+    out["centre"][:3], out["inv_radii"][:3] = NOWHERE, 1.0
     if scene.body is not None:
         out["centre"][:3] = scene.body.centre
         out["inv_radii"][:3] = np.reciprocal(np.array(scene.body.radii, np.float64))

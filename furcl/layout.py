@@ -152,7 +152,7 @@ PATH_STATE = (
     Plane("DIR", "float", 3),  # unit
     Plane("SKIP_SEGMENT", "uint", 1),  # segment that the ray leaves; NO_SEGMENT for camera rays
     Plane("SKIP_DISTANCE", "float", 1),  # nearer hits on that strand are inside the fibre
-    Plane("HIT_T", "float", 1),
+    Plane("HIT_T", "float", 1, lambda f: f.body),  # fibres need HIT_U alone
     Plane("HIT_SEGMENT", "uint", 1),  # first vertex of the segment, NO_SEGMENT or BODY_SEGMENT
     Plane("HIT_U", "float", 1),  # along the segment, 0..1
     Plane("THROUGHPUT", "float", "spectrum"),

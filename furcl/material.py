@@ -10,12 +10,16 @@ import pyopencl as cl
 
 from furcl import layout, program
 from furcl.buffers import Memory
-from furcl.features import Features
+from furcl.features import ALL_LOBES, SCATTERED_LOBES, Features
 from furcl.fibre import Fibre
 from furcl.medulla import MedullaProfiles, build_profiles
 from furcl.tables import AttenuationTables, tables_from_bins
 
 LOCAL_SIZE = 64
+
+# A lobe that carries a smaller share of the energy than this at every theta may be left out: the
+# largest bias of a pixel, relative to it, for each such lobe and bounce.
+NEGLIGIBLE_SHARE = 1e-6
 
 
 def fibre_params(fibre: Fibre) -> np.ndarray:
@@ -81,31 +85,92 @@ class Material:
     table_buffer: cl.Buffer
 
 
-def build_material(memory: Memory, fibre: Fibre, features: Features) -> Material:
-    """Simulate or load the medulla profiles, tabulate the attenuation and upload both."""
+def build_material(
+    memory: Memory, fibre: Fibre, features: Features, *, drop_lobes: bool = False
+) -> Material:
+    """Simulate or load the medulla profiles, tabulate the attenuation and upload both.
+
+    With `drop_lobes` lobes whose share of the energy is below NEGLIGIBLE_SHARE at every theta are
+    left out: they are in `Material.features.dropped_lobes`, get no part of the tables, and where no
+    scattered lobe remains nothing of them is uploaded.
+    """
     device = memory.device
     params = fibre_params(fibre)
     profiles = build_profiles(device, fibre) if features.scattered else None
-    packed = profiles.pack() if profiles else np.zeros(0, np.float32)
-    profile_buffer = memory.upload("profiles", packed)
-    tables = None
-    if features.sampler.needs_tables:
-        bins = _attenuation_bins(memory, params, features, profile_buffer)
-        tables = tables_from_bins(bins)
-    table_buffer = memory.upload("tables", tables.packed if tables else np.zeros(0, np.float32))
-    return Material(fibre, features, params, profiles, tables, profile_buffer, table_buffer)
+    packed = _pack(profiles, features) if profiles else _empty_profiles(features)
+    bins = None
+    if drop_lobes or features.sampler.needs_tables:
+        bins = _attenuation_bins(Memory(device), params, features, packed)
+    if drop_lobes and bins is not None:
+        features, bins = _without_negligible(features, bins)
+        if not features.scattered:
+            profiles, packed = None, _empty_profiles(features)
+    needs_tables = bins is not None and features.sampler.needs_tables
+    tables = tables_from_bins(bins) if bins is not None and needs_tables else None
+    return Material(
+        fibre,
+        features,
+        params,
+        profiles,
+        tables,
+        memory.upload("profiles", packed),
+        memory.upload("tables", tables.packed if tables else np.zeros(0, np.float32)),
+    )
+
+
+def _pack(profiles: MedullaProfiles, features: Features) -> np.ndarray:
+    """The profiles' blocks with as many channels of absorption as the kernels read."""
+    channels = features.profile_channels
+    if channels == profiles.channels:
+        return profiles.pack()
+    azimuth, longitudinal = profiles.azimuth, profiles.longitudinal
+    shape = (*azimuth.density.shape, channels)
+    one = np.ones(1, np.float32)
+    absorption = np.broadcast_to(one if azimuth.absorption is None else azimuth.absorption, shape)
+    escape = np.broadcast_to(
+        one if profiles.escape is None else profiles.escape, (*shape[:2], channels)
+    )
+    blocks = (azimuth.density, azimuth.cdf, absorption, escape, longitudinal.density, longitudinal.cdf)
+    return np.concatenate([block.ravel() for block in blocks])
+
+
+def _empty_profiles(features: Features) -> np.ndarray:
+    """Zeros where kernels with scattered lobes run on a fibre that has none; else nothing."""
+    if not features.scattered:
+        return np.zeros(0, np.float32)
+    rows = layout.PROFILE_TAUS * layout.PROFILE_OFFSETS
+    azimuth = rows * (layout.PROFILE_PHIS * (2 + features.profile_channels) + features.profile_channels)
+    return np.zeros(azimuth + 4 * layout.PROFILE_THETAS * layout.PROFILE_SINES, np.float32)
+
+
+def _without_negligible(features: Features, bins: np.ndarray) -> tuple[Features, np.ndarray]:
+    """Features without the lobes that carry next to nothing, and bins with zeros for them."""
+    energy = bins.mean(axis=2, dtype=np.float64)
+    total = energy.sum(axis=1, keepdims=True)
+    share = np.divide(energy, total, out=np.zeros_like(energy), where=total > 0.0).max(axis=0)
+    dropped = tuple(
+        name
+        for name, largest in zip(ALL_LOBES, share, strict=False)
+        if name in features.lobes and largest < NEGLIGIBLE_SHARE
+    )
+    kept = features.with_(dropped_lobes=dropped)
+    if not set(kept.lobes) & set(SCATTERED_LOBES):
+        kept = kept.with_(scattered=False, profile_channels=0)
+    gone = [i for i, name in enumerate(ALL_LOBES[: features.n_lobes]) if name in dropped]
+    bins = bins.copy()
+    bins[:, gone] = 0.0
+    return kept, bins
 
 
 def _attenuation_bins(
-    memory: Memory, params: np.ndarray, features: Features, profile_buffer: cl.Buffer
+    memory: Memory, params: np.ndarray, features: Features, profiles: np.ndarray
 ) -> np.ndarray:
     """(TABLE_ROWS, n_lobes, TABLE_BINS) float32 bin means of A_p, from kernels/tables.cl."""
     device = memory.device
     theta = np.linspace(0.0, 0.5 * np.pi, layout.TABLE_ROWS)
     rows = np.stack([np.sin(theta), np.cos(theta)], 1).astype(np.float32)
     shape = (layout.TABLE_ROWS, features.n_lobes, layout.TABLE_BINS)
-    local = Memory(device)
-    out = local.allocate("bins", 4 * int(np.prod(shape)))
+    out = memory.allocate("bins", 4 * int(np.prod(shape)))
     kernel = cl.Kernel(program.build(device, "tables.cl", features), "attenuation_bins")
     n_items = layout.TABLE_ROWS * layout.TABLE_BINS
     kernel(
@@ -113,8 +178,8 @@ def _attenuation_bins(
         (-(-n_items // LOCAL_SIZE) * LOCAL_SIZE,),
         (LOCAL_SIZE,),
         out,
-        local.upload("rows", rows),
+        memory.upload("rows", rows),
         params,
-        profile_buffer,
+        memory.upload("profiles", profiles),
     )
-    return local.read(out, shape)
+    return memory.read(out, shape)

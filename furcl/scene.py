@@ -224,6 +224,8 @@ class Render(Table, frozen=True, kw_only=True):
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
     roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
     residual: bool = False
+    variance: bool = True
+    statistics: bool = True
 
     def __post_init__(self) -> None:
         samplers.find(self.sampling)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from furcl.environment import ConstantLight, Environment
 from furcl.features import Features
 from furcl.fibre import Fibre
-from furcl.material import fibre_features
+from furcl.material import NEGLIGIBLE_SHARE, fibre_features
 from furcl.scene import Scene, triple
 
 
@@ -29,6 +29,31 @@ def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Feat
         lens=scene.camera.aperture_radius > 0.0,
         filter=scene.film.filter,
         roulette=render.roulette_depth < render.max_depth,
+        variance=render.variance,
+        statistics=render.statistics,
+    )
+
+
+def everything_on(features: Features) -> Features:
+    """The same expected picture from kernels with all the code that some scene could need.
+
+    What chooses another picture or the subject of a comparison stays as it is: sampler,
+    environment, pixel filter and the residual lobe. The environment is sampled always.
+    """
+    return features.with_(
+        channels=3,
+        medulla=True,
+        scattered=True,
+        profile_channels=3,
+        layered=True,
+        tilt=True,
+        dropped_lobes=(),
+        light_sampling=True,
+        body=True,
+        lens=True,
+        roulette=True,
+        variance=True,
+        statistics=True,
     )
 
 
@@ -57,4 +82,7 @@ def left_out(features: Features) -> dict[str, str]:
         "statistics": (features.statistics, "no statistics were asked for"),
         "debug": (features.debug, "FURCL_DEBUG is not set"),
     }
-    return {name: reason for name, (there, reason) in reasons.items() if not there}
+    absent = {name: reason for name, (there, reason) in reasons.items() if not there}
+    for lobe in features.dropped_lobes:
+        absent[f"lobe {lobe}"] = f"less than {NEGLIGIBLE_SHARE:g} of the energy at every theta"
+    return absent

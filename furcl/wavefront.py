@@ -90,6 +90,25 @@ class Wavefront:
         self.lobe_counts = memory.allocate("lobe counts", 4 * 8, zero=True)
         self._host_counts = np.zeros(layout.N_COUNTS, np.uint32)
 
+    def warm_up(self) -> None:
+        """Launch every stage over nothing, in the two grid sizes that runtimes compile for.
+
+        CPU runtimes finish compiling a kernel when it is first launched; done here, that time
+        does not count as rendering.
+        """
+        wave = np.zeros((), layout.struct_dtype("Wave"))
+        wave["width"] = wave["height"] = wave["n_slots"] = 1
+        for n in (LOCAL_SIZE, self.wave_size):
+            cl.enqueue_fill_buffer(self.queue, self.active_counts, np.uint32(0), 0, 4)
+            self._launch("generate", n, self.state, self.active, wave, self.camera)
+            self.intersect_closest(wave, n)
+            self.shade_escaped(wave, n)
+            self.sample_lobe_h(wave, n, 0)
+            self.shade(wave, n, 0)
+            self.intersect_shadow(wave, n)
+            self._launch_film(wave, n)
+        self.queue.finish()
+
     def generate(self, wave: np.ndarray) -> int:
         """Start the wave's paths; returns how many are active."""
         n = int(wave["n_paths"])
@@ -180,10 +199,12 @@ class Wavefront:
 
     def add_to_film(self, wave: np.ndarray) -> None:
         """Add the wave's finished paths to the film."""
-        n_lanes = min(int(wave["n_paths"]), self.film.width * self.film.height)
+        self._launch_film(wave, min(int(wave["n_paths"]), self.film.width * self.film.height))
+
+    def _launch_film(self, wave: np.ndarray, n: int) -> None:
         self._launch(
             "add_to_film",
-            n_lanes,
+            n,
             self.state,
             self.film.planes,
             self.film.n_samples,

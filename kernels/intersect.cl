@@ -20,8 +20,10 @@ __kernel VECTOR_HINT void intersect_closest(
 {
 #if FURCL_BODY
 #define MEET_BODY(query, hit) body_query(&body, &(query), &(hit));
+#define STORE_DISTANCE(slot, hit) PS_F(HIT_T, slot) = (hit).t;
 #else
 #define MEET_BODY(query, hit)
+#define STORE_DISTANCE(slot, hit)
 #endif
 #define LOAD_PATH(i, query, hit) { \
     const uint slot = queue[i]; \
@@ -31,7 +33,7 @@ __kernel VECTOR_HINT void intersect_closest(
     MEET_BODY(query, hit) }
 #define STORE_PATH(i, hit) { \
     const uint slot = queue[i]; \
-    PS_F(HIT_T, slot) = (hit).t; \
+    STORE_DISTANCE(slot, hit) \
     PS_F(HIT_U, slot) = (hit).u; \
     PS_U(HIT_SEGMENT, slot) = (hit).segment; \
     if ((hit).segment == FURCL_NO_SEGMENT) \

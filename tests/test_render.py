@@ -103,7 +103,8 @@ def test_roulette_changes_no_mean(device, seed):
     early = furcl.render(fur_patch(spp=256, roulette_depth=0, seed=seed + 1), device=device)
     assert early.stats["rays"] < plain.stats["rays"]
     assert _mean_p(plain, early) > 0.01
-    assert plain.stats["features"]["compiled"]["roulette"]
+    assert not plain.stats["features"]["compiled"]["roulette"]
+    assert early.stats["features"]["compiled"]["roulette"]
 
 
 def test_max_depth_limits_scattering(device):
@@ -127,7 +128,7 @@ def test_white_fur_vanishes_in_a_furnace(device, seed, sampling):
     mean = image.rgb[..., 0].astype(np.float64)
     error = np.sqrt(image.variance[..., 0].astype(np.float64).sum()) / mean.size
     assert abs(mean.mean() - 1) < 4 * error + 1e-3
-    assert image.stats["hits_per_path"] > 2
+    assert image.stats["hits_per_path"] > 0.2  # most of the picture is background
 
 
 def test_stats_have_what_is_promised(device):
