@@ -21,6 +21,10 @@ PHEOMELANIN = (0.187, 0.4, 1.05)
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 Triple = tuple[float, float, float]
 
+BETA_RANGE_DEG = (math.degrees(1e-3), math.degrees(2.5))
+"""Roughness of a fibre, 1e-3 to 2.5 rad: narrower, float32 cannot tell the directions of a lobe
+apart; broader is uniform."""
+
 
 def sigma_ca_from_melanin(eumelanin: float, pheomelanin: float = 0.0) -> Triple:
     """Cortex absorption of a mixture of the two hair pigments.
@@ -57,7 +61,7 @@ def sigma_ca_from_colour(colour: Sequence[float], beta_n_deg: float) -> Triple:
     Parameters
     ----------
     colour : (r, g, b)     wanted multiple-scattering albedo, linear, each 1e-6..1
-    beta_n_deg : float     azimuthal roughness [deg], 0.06..143
+    beta_n_deg : float     azimuthal roughness [deg], 0.0573..143.2
 
     Returns
     -------
@@ -101,11 +105,12 @@ def chiang_roughness(beta_n_deg: float) -> float:
 
     The logistic's scale is sqrt(pi/8) (0.265 b + 1.194 b^2 + 5.372 b^22), its standard deviation
     pi/sqrt(3) times that; it rises with b, so the inverse is found by bisection. ``FibreError`` if
-    ``beta_n_deg`` is outside 0.06..143.
+    ``beta_n_deg`` is outside BETA_RANGE_DEG.
     """
-    if not 0.06 <= beta_n_deg <= 143.0:
+    low, high = BETA_RANGE_DEG
+    if not low <= beta_n_deg <= high:
         raise FibreError(
-            f"fibre.beta_n_deg = {beta_n_deg} - allowed is 0.06 to 143 - "
+            f"fibre.beta_n_deg = {beta_n_deg} - allowed is {low:g} to {high:g} - "
             "give the azimuthal roughness in degrees"
         )
     goal = math.radians(beta_n_deg) * math.sqrt(3.0) / math.pi / math.sqrt(math.pi / 8.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any, cast
 
-from furcl.colour import sigma_ca_from_melanin
+from furcl.colour import BETA_RANGE_DEG, sigma_ca_from_melanin
 from furcl.errors import FibreError
 
 Triple = tuple[float, float, float]
@@ -17,8 +17,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "eta": (1.0001, 3.0),
     "kappa": (0.0, 1.0),
     "alpha_deg": (-20.0, 20.0),
-    "beta_m_deg": (0.06, 143.0),
-    "beta_n_deg": (0.06, 143.0),
+    "beta_m_deg": BETA_RANGE_DEG,
+    "beta_n_deg": BETA_RANGE_DEG,
     "sigma_ca": (0.0, 1e4),
     "sigma_ms": (0.0, 1e4),
     "sigma_ma": (0.0, 1e4),
@@ -41,8 +41,8 @@ class Fibre:
     kappa : float       medulla radius over fibre radius, 0..1 (0 = no medulla)
     alpha_deg : float   tilt of the cuticle scales [deg], -20..20; published values carry either
                         sign, so the sign is ignored: R always moves towards the root
-    beta_m_deg : float  longitudinal roughness, standard deviation of R [deg], 0.06..143
-    beta_n_deg : float  azimuthal roughness, standard deviation of R [deg], 0.06..143
+    beta_m_deg : float  longitudinal roughness, standard deviation of R [deg], 0.0573..143.2
+    beta_n_deg : float  azimuthal roughness, standard deviation of R [deg], 0.0573..143.2
     sigma_ca : (r,g,b)  absorption of the cortex, 0..1e4; one number stands for three equal ones
     sigma_ms : float    scattering of the medulla, 0..1e4
     sigma_ma : (r,g,b)  absorption of the medulla, 0..1e4; one number stands for three equal ones
