@@ -86,9 +86,14 @@ class Material:
 
 
 def build_material(
-    memory: Memory, fibre: Fibre, features: Features, *, drop_lobes: bool = False
+    memory: Memory,
+    fibre: Fibre,
+    features: Features,
+    *,
+    drop_lobes: bool = False,
+    profiles: MedullaProfiles | None = None,
 ) -> Material:
-    """Simulate or load the medulla profiles, tabulate the attenuation and upload both.
+    """Simulate or load the medulla profiles, unless given, tabulate the attenuation, upload both.
 
     With `drop_lobes` lobes whose share of the energy is below NEGLIGIBLE_SHARE at every theta are
     left out: they are in `Material.features.dropped_lobes`, get no part of the tables, and where no
@@ -96,7 +101,10 @@ def build_material(
     """
     device = memory.device
     params = fibre_params(fibre)
-    profiles = build_profiles(device, fibre) if features.scattered else None
+    if not features.scattered:
+        profiles = None
+    elif profiles is None:
+        profiles = build_profiles(device, fibre)
     packed = _pack(profiles, features) if profiles else _empty_profiles(features)
     bins = None
     if drop_lobes or features.sampler.needs_tables:

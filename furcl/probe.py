@@ -11,6 +11,7 @@ from furcl.device import Device, open_device
 from furcl.features import LOBES
 from furcl.fibre import Fibre
 from furcl.material import LOCAL_SIZE, build_material, fibre_features
+from furcl.medulla import MedullaProfiles
 
 
 class Probe:
@@ -27,6 +28,7 @@ class Probe:
     device : str or Device      as for furcl.render
     residual : bool             with the lobe TRRT+ as a sixth
     channels : int or None      force 3 channels for a grey fibre
+    profiles : MedullaProfiles or None      used instead of those that the fibre's medulla has
 
     Raises
     ------
@@ -41,13 +43,14 @@ class Probe:
         device: str | Device | None = None,
         residual: bool = False,
         channels: int | None = None,
+        profiles: MedullaProfiles | None = None,
     ) -> None:
         self.fibre = fibre
         self.device = device if isinstance(device, Device) else open_device(device)
         features = fibre_features(fibre, sampling=sampling, residual=residual)
         self.features = features if channels is None else features.with_(channels=channels)
         self.memory = Memory(self.device)
-        self.material = build_material(self.memory, fibre, self.features)
+        self.material = build_material(self.memory, fibre, self.features, profiles=profiles)
         self._program = program.build(self.device, "probe.cl", self.features)
 
     @property
@@ -113,7 +116,7 @@ class Probe:
         _, pdf = self._evaluate(wo, wi, h)
         return pdf.sum(axis=0) if lobe is None else pdf[lobe]
 
-    def sample(self, wo, n: int | None = None, seed: int = 0):
+    def sample(self, wo, n: int | None = None, seed: int = 0, numbers=None):
         """Draw lobes, offsets and directions as a render does.
 
         Parameters
@@ -121,6 +124,8 @@ class Probe:
         wo : (n, 3) or (3,)     unit directions
         n : int or None         number of samples for a single wo
         seed : int              0..2^32-1
+        numbers : (n, 3, 4) or None     use these uniform numbers of [0, 1) instead of drawing them:
+                                        of lobe and offset, direction, profile
 
         Returns
         -------
@@ -134,6 +139,8 @@ class Probe:
         if n is not None:
             wo = np.broadcast_to(wo, (n, 3))
         n = len(wo)
+        if numbers is not None:
+            numbers = np.asarray(numbers, np.float32).reshape(n, 3, 4)
         memory = Memory(self.device)
         outs = {
             name: memory.allocate(name, size * n)
@@ -146,6 +153,8 @@ class Probe:
             *outs.values(),
             np.uint32(n),
             np.uint32(seed),
+            np.uint32(numbers is not None),
+            memory.upload("numbers", np.zeros(4) if numbers is None else numbers),
             self.material.params,
             self.material.table_buffer,
             self.material.profile_buffer,

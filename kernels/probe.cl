@@ -54,18 +54,26 @@ __kernel void probe_evaluate(
     }
 }
 
-/* reads wo; writes wi, h, lobe (FURCL_LOBES where nothing was chosen), weight [n][3], density of
-   (lobe, h, wi). Over n; element i is sample i of pixel 0. */
+/* The uniform numbers of sample i of pixel 0, or those that the caller gives. */
+static inline float4 probe_numbers(
+    uint seed, uint i, uint dimension, uint given, __global const float4* numbers)
+{
+    return given ? numbers[3u * (size_t)i + dimension]
+                 : uniform4(seed, 0u, i, bounce_dimension(0u, dimension));
+}
+
+/* reads wo, numbers [n][3] if given; writes wi, h, lobe (FURCL_LOBES where nothing was chosen),
+   weight [n][3], density of (lobe, h, wi). Over n. */
 __kernel void probe_sample(
     __global const float4* wo, __global float4* wi, __global float* h, __global uint* lobe,
-    __global float* weight, __global float* pdf, const uint n, const uint seed,
-    const FibreParams fibre, __global const float* tables, __global const float* profiles)
+    __global float* weight, __global float* pdf, const uint n, const uint seed, const uint given,
+    __global const float4* numbers, const FibreParams fibre, __global const float* tables, __global const float* profiles)
 {
     const uint i = get_global_id(0);
     if (i >= n) return;
     const FibreFrame frame = probe_frame(wo[i]);
     const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
-    const float4 u = uniform4(seed, 0u, i, bounce_dimension(0u, DIM_LOBE));
+    const float4 u = probe_numbers(seed, i, DIM_LOBE, given, numbers);
     const LobeAndOffset chosen = sample_lobe_and_offset(&fibre, tables, profiles, &in, u.xyz);
     h[i] = chosen.h;
     lobe[i] = min(chosen.lobe, (uint)FURCL_LOBES);
@@ -76,8 +84,8 @@ __kernel void probe_sample(
     const BcsdfAtOffset b = bcsdf_at_offset(&fibre, profiles, &in, chosen.h);
     const float3 d = lobe_sample_direction(
         chosen.lobe, &fibre, profiles, &b,
-        uniform4(seed, 0u, i, bounce_dimension(0u, DIM_DIRECTION)),
-        uniform4(seed, 0u, i, bounce_dimension(0u, DIM_PROFILE)));
+        probe_numbers(seed, i, DIM_DIRECTION, given, numbers),
+        probe_numbers(seed, i, DIM_PROFILE, given, numbers));
     wi[i] = (float4)(frame_direction(&frame, d.x, d.y, d.z), 0.0f);
     pdf[i] = chosen.joint * lobe_terms(chosen.lobe, &fibre, profiles, &b, d.x, d.y, d.z).pdf;
     store_spectrum(weight + 3 * (size_t)i,
