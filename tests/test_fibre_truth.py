@@ -110,7 +110,7 @@ def test_escape_of_a_matched_fibre(device: Device, seed: int) -> None:
 
     Five standard errors and 0.3 %; the twin walks through a medulla that absorbs 5 % more.
     """
-    model = bcsdf.lobe_albedos(MATCHED, 0.0, build_profiles(device, MATCHED))["TTs"]
+    model = bcsdf.lobe_albedos(MATCHED, 0.0, build_profiles(device, MATCHED, photons=4096))["TTs"]
     darker = MATCHED.replace(sigma_ma=(0.0, 0.315, 1.05))
     agree = []
     for fibre in (MATCHED, darker):
@@ -129,7 +129,7 @@ def test_azimuths_of_a_matched_fibre(h: float, device: Device, seed: int) -> Non
     """
     truth = simulate(MATCHED, 0.0, 10 * PHOTONS, seed, offsets=(h - 0.02, h + 0.02))
     found = truth.density[CLASSES.index("TTs")].mean(0) * 2.0
-    profiles = build_profiles(device, MATCHED)
+    profiles = build_profiles(device, MATCHED, photons=4096)
     phi = ((np.arange(8 * PHI_BINS) + 0.5) / (8 * PHI_BINS) * 2 - 1) * np.pi
     s = (np.arange(64) + 0.5) / 32 - 1
     grid_s, grid_phi = np.meshgrid(s, phi)
