@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import msgspec
+
 from furcl import samplers
 from furcl.errors import BenchError
 from furcl.scene import Scene
+from furcl.scene_io import with_overrides
 
 SAMPLING = ("uniform-h", "attenuation-cdf", "full-cdf")
 SPP = (64, 128, 256, 512)
@@ -18,7 +22,18 @@ MIN_RUNS = 2
 
 # `--quick`: the same code on small pictures of thinned grooms.
 QUICK_SIZE = (48, 48)
-QUICK_SPP = (4, 8, 16, 32)
+QUICK_SPP = (4, 8, 16)
+QUICK_STRANDS = 3000
+
+
+def quick_scene(scene: Scene, *, keep_size: bool = False) -> Scene:
+    """A small picture of a scene; a generated groom is thinned to 3000 thicker strands."""
+    changes = []
+    table = msgspec.to_builtins(scene.curves)
+    if table.get("n_strands", 0) > QUICK_STRANDS:
+        radius = table["radius"] * math.sqrt(table["n_strands"] / QUICK_STRANDS)
+        changes = [f"curves.n_strands={QUICK_STRANDS}", f"curves.radius={radius}"]
+    return with_overrides(scene, changes, size=None if keep_size else QUICK_SIZE)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from furcl.cli.bench_convergence import convergence
 from furcl.cli.render import scene_path
 
 app = typer.Typer(no_args_is_help=True, help="Measure; results go to a folder.")
@@ -42,15 +43,62 @@ def stages(
     """Time every kernel of a render."""
     from furcl.bench import stages as bench
 
-    results = bench.run(
-        scene_path(scene), out, device=device, spp=spp, overrides=overrides or ()
-    )
+    results = bench.run(scene_path(scene), out, device=device, spp=spp, overrides=overrides or ())
     rows = [
-        [r["stage"], r["launches"], r["ms"], f"{r['share']:.1%}", r["million_per_second"], r["counts"]]
+        [
+            r["stage"],
+            r["launches"],
+            r["ms"],
+            f"{r['share']:.1%}",
+            r["million_per_second"],
+            r["counts"],
+        ]
         for r in results["stages"]
     ]
     print_table(["kernel", "launches", "ms", "share", "million/s", "of"], rows)
     print(f"{results['mrays_s']:.3f} M rays/s; kernels are busy {results['busy']:.1%} of the time")
+
+
+app.command()(convergence)
+
+
+@app.command()
+def features(
+    scenes: Annotated[list[str], typer.Argument(help="TOML scenes, or names of furcl's own.")],
+    out: Out,
+    device: DeviceName = None,
+    size: Annotated[str, typer.Option(help="Film size, WIDTHxHEIGHT.")] = "128x128",
+    spp: Annotated[int, typer.Option(help="Samples per pixel of a round.")] = 4,
+    rounds: Annotated[int, typer.Option(help="Rounds of either build.")] = 5,
+    overrides: Overrides = None,
+) -> None:
+    """Compare each scene's specialised build with one that has everything on."""
+    from furcl.bench import features as bench
+
+    results = bench.run(
+        [scene_path(scene) for scene in scenes],
+        out,
+        device=device,
+        size=size,
+        spp=spp,
+        rounds=rounds,
+        overrides=overrides or (),
+    )
+    rows = []
+    for row in results["scenes"]:
+        lean, full = (row["builds"][build] for build in bench.BUILDS)
+        rows.append(
+            [
+                row["scene"],
+                row["time_ratio"],
+                row["bytes_ratio"],
+                f"{lean['compile_seconds']:.1f} / {full['compile_seconds']:.1f}",
+                f"{lean['source_bytes']} / {full['source_bytes']}",
+                "equal bits" if row["pictures"]["equal"] else f"z = {row['pictures']['z']:.2f}",
+            ]
+        )
+    columns = ["scene", "times faster", "bytes ratio", "compile s", "source bytes", "pictures"]
+    print_table(columns, rows)
 
 
 def register(parent: typer.Typer) -> None:

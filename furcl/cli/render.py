@@ -31,7 +31,7 @@ class _Interrupt:
 
 
 @contextmanager
-def _interruptible() -> Iterator[_Interrupt]:
+def interruptible() -> Iterator[_Interrupt]:
     interrupt = _Interrupt()
     before = signal.signal(signal.SIGINT, interrupt)
     try:
@@ -91,7 +91,7 @@ def render(
         sampling=sampling,
         max_depth=max_depth,
     )
-    with _interruptible() as interrupt:
+    with interruptible() as interrupt:
         with progress_report() as report:
 
             def progress(done: int, total: int) -> bool:

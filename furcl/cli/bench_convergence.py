@@ -1,0 +1,92 @@
+"""`furcl bench convergence`."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from furcl.cli.console import progress_report
+from furcl.cli.render import EXIT_INTERRUPTED, interruptible, scene_path
+
+log = logging.getLogger(__name__)
+
+
+def convergence(
+    scenes: Annotated[
+        list[str], typer.Argument(help="TOML scenes, or names of those that come with furcl.")
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder; one that holds a stopped run continues it."),
+    ],
+    sampling: Annotated[
+        str | None, typer.Option(help="Names, A,B,C; the others are compared with the first.")
+    ] = None,
+    spp: Annotated[
+        str | None, typer.Option(help="Samples per pixel, ascending: 64,128,256.")
+    ] = None,
+    runs: Annotated[int, typer.Option(help="Independent renders of each.")] = 5,
+    size: Annotated[str | None, typer.Option(help="Film size, WIDTHxHEIGHT.")] = None,
+    seed: Annotated[int, typer.Option(help="All seeds of the run follow from it.")] = 1,
+    reference_spp: Annotated[
+        int, typer.Option(help="Of the reference; 0: 16 times the largest --spp.")
+    ] = 0,
+    device: Annotated[
+        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small pictures, few samples: under a minute.")
+    ] = False,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", help="Replace a value of every scene: PATH=VALUE.")
+    ] = None,
+) -> None:
+    """Compare the error of samplers over run time, against a reference, with intervals."""
+    from furcl.bench import convergence as bench
+    from furcl.bench.convergence_plan import QUICK_SPP, SAMPLING, SPP, Plan, quick_scene
+    from furcl.report.convergence import interval, write_report
+    from furcl.scene_io import load_scene
+
+    loaded = [load_scene(scene_path(s), overrides=overrides or (), size=size) for s in scenes]
+    if quick:
+        loaded = [quick_scene(scene, keep_size=size is not None) for scene in loaded]
+    plan = Plan(
+        tuple(loaded),
+        sampling=tuple(sampling.split(",")) if sampling else SAMPLING,
+        spp=_numbers(spp) if spp else QUICK_SPP if quick else SPP,
+        runs=runs,
+        seed=seed,
+        reference_spp=reference_spp,
+    )
+    with interruptible() as interrupt:
+        with progress_report() as report:
+
+            def progress(done: int, total: int) -> bool:
+                report(done, total)
+                return interrupt.requested
+
+            results = bench.run(plan, output, device=device, progress=progress)
+        page = write_report(output)
+    for scene in results["scenes"]:
+        for found in scene["comparisons"]:
+            ratio = found["equal_time"][-1]["rmse_ratio"]
+            typer.echo(
+                f"{scene['name']}: RMSE of {found['sampling']} at equal time over that of "
+                f"{found['baseline']}: {interval(ratio)}"
+            )
+    log.info("wrote %s, results.json and results.csv", page)
+    if not results["complete"]:
+        log.warning("stopped early; the same command continues")
+        raise typer.Exit(EXIT_INTERRUPTED)
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"--spp {text}: expected whole numbers, for example 64,128"
+        ) from None

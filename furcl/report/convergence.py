@@ -1,0 +1,124 @@
+"""The page of a convergence run: plots, crops and tables in one HTML file."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from furcl.errors import BenchError
+from furcl.files import atomic_path
+from furcl.image import Image
+from furcl.report import convergence_plots as plots
+
+CROP_SPP = 256  # as the paper's crops, or the largest number below that was rendered
+_MIME = {".svg": "image/svg+xml", ".png": "image/png"}
+
+
+def write_report(folder: str | Path) -> Path:
+    """Write plots/ and index.html beside the results.json of a convergence run.
+
+    Returns
+    -------
+    Path        of the page, which needs no other file
+
+    Raises
+    ------
+    BenchError      no results.json, or one of another kind
+    """
+    folder = Path(folder)
+    results = load_results(folder)
+    (folder / "plots").mkdir(exist_ok=True)
+    figures = {scene["name"]: _draw(scene, folder) for scene in results["scenes"]}
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("furcl.report", ""),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        interval=interval, verdict=verdict, number=number, data_uri=data_uri, share=share
+    )
+    page = environment.get_template("convergence.html").render(results=results, figures=figures)
+    path = folder / "index.html"
+    with atomic_path(path) as temporary:
+        temporary.write_text(page)
+    return path
+
+
+def load_results(folder: Path) -> dict[str, Any]:
+    """The results.json of a folder; BenchError if it is not that of a convergence run."""
+    path = folder / "results.json"
+    try:
+        results = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise BenchError(
+            f"{path}: cannot be read: {error}; give the folder of a `furcl bench convergence`"
+        ) from None
+    if not str(results.get("schema", "")).startswith("furcl-convergence"):
+        raise BenchError(f"{path}: not the results of `furcl bench convergence`")
+    return results
+
+
+def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+    """Files of the figures of a scene, by name."""
+    drawn = {}
+    figure = plots.error_over_time(scene)
+    for suffix in (".svg", ".png"):
+        path = folder / "plots" / f"{scene['name']}-rmse{suffix}"
+        plots.save(figure, path, dpi=150)
+    drawn["rmse"] = folder / "plots" / f"{scene['name']}-rmse.svg"
+    reference = folder / "images" / f"{scene['name']}-reference.exr"
+    counts = [cell["spp"] for cell in scene["samplers"][0]["spp"]]
+    spp = max((n for n in counts if n <= CROP_SPP), default=max(counts, default=0))
+    pictures = []
+    for sampler in scene["samplers"]:
+        path = folder / "images" / f"{scene['name']}-{sampler['name']}-{spp}.exr"
+        if path.exists():
+            pictures.append((sampler["name"], Image.load(path)))
+    if reference.exists() and pictures:
+        figure = plots.crops(scene, spp, Image.load(reference), pictures)
+        drawn["crops"] = folder / "plots" / f"{scene['name']}-crops.png"
+        plots.save(figure, drawn["crops"], dpi=130)
+    return drawn
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with that many significant digits."""
+    if value is None:
+        return "-"
+    return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+
+
+def interval(estimate: Mapping[str, Any] | None, digits: int = 3) -> str:
+    """An estimate as "mean [low, high]"."""
+    if estimate is None:
+        return "-"
+    mean = number(estimate["mean"], digits)
+    if estimate["low"] is None:
+        return mean
+    return f"{mean} [{number(estimate['low'], digits)}, {number(estimate['high'], digits)}]"
+
+
+def verdict(estimate: Mapping[str, Any], less_is_better: bool = True) -> str:
+    """Whether the interval of a ratio lies on one side of 1: better, worse or even."""
+    low, high = estimate["low"], estimate["high"]
+    if low is None or low <= 1.0 <= high:
+        return "even"
+    return "better" if (high < 1.0) == less_is_better else "worse"
+
+
+def share(value: float) -> str:
+    """A share as a percentage with three digits, zeros as 0."""
+    return f"{100.0 * value:.3g} %"
+
+
+def data_uri(path: Path) -> str:
+    """A file as the address of an image that needs no file."""
+    content = base64.b64encode(path.read_bytes()).decode()
+    return f"data:{_MIME[path.suffix]};base64,{content}"

@@ -1,0 +1,170 @@
+"""Figures of a convergence run: error over time, and crops with their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import ticker
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from furcl.colour import srgb_encode
+from furcl.files import atomic_path
+from furcl.image import Image
+
+# Okabe and Ito's colours, told apart by all; markers for print.
+STYLES = (
+    ("#0072B2", "o"),
+    ("#D55E00", "s"),
+    ("#009E73", "^"),
+    ("#CC79A7", "D"),
+    ("#E69F00", "v"),
+    ("#56B4E9", "P"),
+)
+CROP_SHARE = 4  # a crop is a quarter of the picture wide
+ERROR_QUANTILE = 0.99
+
+
+def style_of(index: int) -> dict[str, Any]:
+    """Colour and marker of the sampler of that index."""
+    colour, marker = STYLES[index % len(STYLES)]
+    return {"color": colour, "marker": marker}
+
+
+def save(figure: Figure, path: Path, **options: Any) -> None:
+    """Write a figure whole or not at all."""
+    FigureCanvasAgg(figure)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, format=path.suffix[1:], **options)
+
+
+def error_over_time(scene: Mapping[str, Any]) -> Figure:
+    """RMSE over render time with 95 % bands, and the ratio at equal time to the first sampler."""
+    figure = Figure(figsize=(9.0, 3.9), layout="constrained")
+    curves, ratios = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    for index, sampler in enumerate(scene["samplers"]):
+        _draw_curve(curves, sampler, style_of(index))
+    curves.set(xscale="log", yscale="log", xlabel="render time [s]", ylabel="RMSE")
+    for axis in (curves.xaxis, curves.yaxis):
+        _plain_log_ticks(axis)
+    curves.set_title(f"{scene['name']}: error over time", loc="left", fontsize=10)
+    curves.legend(frameon=False, fontsize=9)
+    _draw_ratios(ratios, scene)
+    for axes in (curves, ratios):
+        axes.grid(True, which="both", linewidth=0.4, alpha=0.35)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _draw_curve(axes: Axes, sampler: Mapping[str, Any], style: Mapping[str, Any]) -> None:
+    cells = sampler["spp"]
+    if not cells:
+        return
+    seconds, fast, slow = _ends(cell["seconds"] for cell in cells)
+    rmse, low, high = _ends(cell["rmse"] for cell in cells)
+    axes.fill_between(
+        seconds, np.maximum(low, 0.5 * rmse), high, color=style["color"], alpha=0.2, linewidth=0
+    )
+    axes.errorbar(
+        seconds, rmse, xerr=[seconds - np.maximum(fast, 0.5 * seconds), slow - seconds], **style,
+        markersize=4, linewidth=1.4, elinewidth=0.8, label=sampler["name"],
+    )  # fmt: skip
+
+
+def _ends(estimates: Iterable[Mapping[str, Any]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Means, lower and upper ends; the mean where there is no interval."""
+    rows = [(e["mean"], e["low"], e["high"]) for e in estimates]
+    filled = [[row[0] if value is None else value for value in row] for row in rows]
+    mean, low, high = np.array(filled, np.float64).T
+    return mean, low, high
+
+
+def _draw_ratios(axes: Axes, scene: Mapping[str, Any]) -> None:
+    """Ratio of RMSE at equal time, one group of points for each sample count."""
+    names = [sampler["name"] for sampler in scene["samplers"]]
+    comparisons = scene["comparisons"]
+    axes.axhline(1.0, color=STYLES[0][0], linewidth=1.2)
+    counts: list[int] = []
+    for place, comparison in enumerate(comparisons):
+        rows = comparison["equal_time"]
+        counts = [row["spp"] for row in rows]
+        x = np.arange(len(rows)) + 0.16 * (place - 0.5 * (len(comparisons) - 1))
+        mean, low, high = _ends(row["rmse_ratio"] for row in rows)
+        style = style_of(names.index(comparison["sampling"]))
+        axes.errorbar(
+            x, mean, yerr=[mean - low, high - mean], **style, linestyle="none", markersize=5,
+            capsize=2.5, label=comparison["sampling"],
+        )  # fmt: skip
+    axes.set_xticks(range(len(counts)), [f"{n} spp" for n in counts])
+    axes.set_xlim(-0.6, max(len(counts) - 0.4, 0.6))
+    baseline = comparisons[0]["baseline"] if comparisons else names[0]
+    axes.set_title(f"RMSE at equal time over that of {baseline}", loc="left", fontsize=10)
+    if comparisons:
+        axes.legend(frameon=False, fontsize=9)
+
+
+def _plain_log_ticks(axis: Any) -> None:
+    """Ticks at 1, 2 and 5 of every decade, written as plain numbers."""
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(ticker.NullLocator())
+
+
+def crop_window(variance: np.ndarray) -> tuple[int, int, int, int]:
+    """(row, column, height, width) of the quarter of the picture where the variance is largest."""
+    total = np.cumsum(np.cumsum(np.pad(variance.sum(axis=2), ((1, 0), (1, 0))), axis=0), axis=1)
+    height, width = (max(size // CROP_SHARE, min(size, 8)) for size in variance.shape[:2])
+    sums = (
+        total[height:, width:] - total[:-height, width:] - total[height:, :-width]
+        + total[:-height, :-width]
+    )  # fmt: skip
+    row, column = np.unravel_index(int(np.argmax(sums)), sums.shape)
+    return int(row), int(column), height, width
+
+
+def crops(
+    scene: Mapping[str, Any], spp: int, reference: Image, pictures: Sequence[tuple[str, Image]]
+) -> Figure:
+    """The picture, and of one crop: reference, every sampler, and their absolute errors."""
+    stops = scene["document"]["film"]["exposure_stops"]
+    assert reference.variance is not None
+    row, column, height, width = crop_window(reference.variance.astype(np.float64))
+    part = np.s_[row : row + height, column : column + width]
+    columns = 2 + len(pictures)
+    figure = Figure(figsize=(2.3 * columns, 4.9), layout="constrained")
+    axes = figure.subplots(2, columns, squeeze=False)
+    for place in axes.ravel():
+        place.set_axis_off()
+    axes[0, 0].imshow(_displayed(reference.rgb, stops), interpolation="antialiased")
+    axes[0, 0].add_patch(
+        Rectangle(
+            (column - 0.5, row - 0.5), width, height, fill=False, color="#E00000", linewidth=1.5
+        )
+    )
+    axes[0, 0].set_title(scene["name"], fontsize=10)
+    axes[0, 1].imshow(_displayed(reference.rgb[part], stops), interpolation="nearest")
+    axes[0, 1].set_title(f"reference\n{scene['reference']['spp']} spp", fontsize=10)
+    errors = [np.abs(image.rgb[part] - reference.rgb[part]).mean(axis=2) for _, image in pictures]
+    top = max(float(np.quantile(errors[0], ERROR_QUANTILE)), 1e-12) if errors else 1.0
+    shown = None
+    for place, (name, image) in enumerate(pictures, 2):
+        axes[0, place].imshow(_displayed(image.rgb[part], stops), interpolation="nearest")
+        axes[0, place].set_title(f"{name}\n{spp} spp", fontsize=10)
+        shown = axes[1, place].imshow(
+            errors[place - 2], cmap="inferno", vmin=0.0, vmax=top, interpolation="nearest"
+        )
+        axes[1, place].set_title(f"mean error {errors[place - 2].mean():.4g}", fontsize=9)
+    if shown is not None:
+        bar = figure.colorbar(shown, ax=axes[1, 1], location="left", fraction=0.5, shrink=0.9)
+        bar.set_label("absolute error of radiance", fontsize=9)
+    return figure
+
+
+def _displayed(rgb: np.ndarray, stops: float) -> np.ndarray:
+    """sRGB values to show, as the PNG files have them."""
+    return np.asarray(srgb_encode(np.clip(rgb.astype(np.float64) * 2.0**stops, 0.0, 1.0)))
