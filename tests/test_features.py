@@ -1,0 +1,201 @@
+"""What is left out is absent, and leaving it out changes no picture."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from scene_documents import fur_patch
+
+from furcl import program
+from furcl.bench import features as bench
+from furcl.features import ENVIRONMENTS, FILTERS, Features
+from furcl.integrator import Renderer
+from furcl.material import NEGLIGIBLE_SHARE, fibre_features
+from furcl.paths import scene_folder
+from furcl.scene_io import load_scene, with_overrides
+from furcl.specialise import everything_on
+from furcl.wavefront import STAGES
+
+# Every field of Features and the values that scenes can give it.
+VALUES = {
+    "sampling": ("uniform-h", "attenuation-cdf", "full-cdf"),
+    "channels": (1, 3),
+    "medulla": (False, True),
+    "scattered": (False, True),
+    "profile_channels": (0, 1, 3),
+    "layered": (False, True),
+    "tilt": (False, True),
+    "residual": (False, True),
+    "dropped_lobes": ((), ("TRT",)),
+    "environment": ENVIRONMENTS,
+    "light_sampling": (False, True),
+    "body": (False, True),
+    "lens": (False, True),
+    "filter": FILTERS,
+    "roulette": (False, True),
+    "variance": (False, True),
+    "statistics": (False, True),
+    "debug": (False,),
+}
+
+
+def _reachable(values):
+    """Combinations that a scene can have: scattering needs a medulla, colours need channels."""
+    if values["scattered"] and not values["medulla"]:
+        return False
+    if values["profile_channels"] and not values["scattered"]:
+        return False
+    return not (values["channels"] == 1 and values["profile_channels"] == 3)
+
+
+def pairwise(values, reachable):
+    """Few combinations in which every reachable pair of values of two fields occurs (greedy)."""
+    names = list(values)
+    rng = np.random.default_rng(7)
+    missing = {
+        (a, u, b, v)
+        for a, b in itertools.combinations(names, 2)
+        for u in values[a]
+        for v in values[b]
+    }
+    rows = []
+    stale = 0
+    while missing and stale < 30:
+        candidates = []
+        for _ in range(60):
+            row = {name: values[name][rng.integers(len(values[name]))] for name in names}
+            if reachable(row):
+                candidates.append(row)
+        covered = [{p for p in missing if r[p[0]] == p[1] and r[p[2]] == p[3]} for r in candidates]
+        best = max(range(len(candidates)), key=lambda i: len(covered[i]))
+        stale = 0 if covered[best] else stale + 1
+        if covered[best]:
+            rows.append(candidates[best])
+            missing -= covered[best]
+    return rows, missing
+
+
+ROWS, MISSING = pairwise(VALUES, _reachable)
+
+
+def test_every_reachable_pair_is_in_the_matrix():
+    assert set(VALUES) == {field.name for field in dataclasses.fields(Features)}
+    for a, u, b, v in MISSING:
+        row = {name: values[-1] for name, values in VALUES.items()} | {a: u, b: v}
+        fixes = itertools.product((False, True), (False, True), (0, 1, 3), (1, 3))
+        for medulla, scattered, profile_channels, channels in fixes:
+            free = {
+                "medulla": medulla, "scattered": scattered,
+                "profile_channels": profile_channels, "channels": channels,
+            }  # fmt: skip
+            candidate = row | {k: x for k, x in free.items() if k not in (a, b)}
+            assert not _reachable(candidate), f"{a}={u} with {b}={v} is reachable but not covered"
+
+
+@pytest.mark.parametrize("row", range(len(ROWS)))
+def test_compile_matrix(device, row):
+    """All stages compile without a warning (-Werror)."""
+    features = Features(**ROWS[row])
+    for file in sorted(set(STAGES.values())):
+        program.build(device, file, features)
+
+
+def _scene(name):
+    scene = load_scene(scene_folder() / f"{name}.toml", size="2x2", spp=4)
+    if scene.curves.__struct_config__.tag in ("hair", "fur"):
+        return with_overrides(scene, ["curves.n_strands=300", "curves.radius=0.01"])
+    return scene
+
+
+SCENES = ["black_hair", "white_hair", "raccoon", "red_fox", "single_fibre", "furnace"]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_four_pixels_of_every_scene_equal_the_full_build(device, name):
+    """The specialised build against everything on: the same within the noise of four pixels."""
+    scene = _scene(name)
+    scene = with_overrides(scene, spp=256)
+    images = []
+    for specialised in (True, False):
+        renderer = Renderer(scene, device, specialised=specialised)
+        renderer.advance(256)
+        images.append(renderer.image())
+        assert images[-1].stats["nonfinite"] == 0
+    compared = bench.compare_pictures(*images)
+    assert compared["equal"] or compared["z"] < 3.3 or compared["largest"] < 1e-3
+
+
+def test_same_estimator_gives_almost_the_same_bits(device):
+    """Where only unneeded code differs, pictures differ by rounding at most."""
+    scene = with_overrides(fur_patch(light_sampling="mis"), ["fibre.preset=raccoon"])
+    lean, full = (Renderer(scene, device, specialised=flag) for flag in (True, False))
+    assert full.features == everything_on(lean.features)
+    for renderer in (lean, full):
+        renderer.advance(8)
+    a, b = lean.image().rgb, full.image().rgb
+    # A rounding may send a path elsewhere: few pixels may differ, by one of their 8 samples.
+    assert np.mean(np.abs(a - b) > 1e-4 * (1 + a)) < 0.02
+
+
+ABSENT = [
+    ({"scattered": False, "profile_channels": 0}, ("profile_azimuth(", "scattered_entry")),
+    ({"medulla": False, "scattered": False, "profile_channels": 0}, ("half_medulla",)),
+    ({"profile_channels": 0}, ("profile_channels(",)),
+    ({"residual": False}, ("residual_attenuation",)),
+    ({"light_sampling": False}, ("environment_sample", "environment_pdf", "PS_SHADOW", "intersect_shadow")),
+    ({"body": False}, ("scatter_at_body", "body_query", "PS_HIT_T")),
+    ({"lens": False}, ("angle = ",)),
+    ({"statistics": False}, ("atomic_inc(lobe_counts",)),
+    ({"environment": "constant"}, ("sky_radiance",)),
+    ({"variance": False}, ("mean_before",)),
+    ({"roulette": False}, ("throughput /= largest",)),
+    ({"sampling": "uniform-h"}, ("search_remainder(bins",)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "words"), ABSENT)
+def test_left_out_code_is_absent(changes, words):
+    full = Features(
+        residual=True, environment="sky", light_sampling=True, body=True, lens=True, debug=False
+    )
+    texts = {
+        flag: "\n".join(bench.preprocessed(file, features) for file in sorted(set(STAGES.values())))
+        for flag, features in (("full", full), ("lean", full.with_(**changes)))
+    }
+    for word in words:
+        assert word in texts["full"], f"{word} is misspelt in this test"
+        assert word not in texts["lean"]
+    assert len(texts["lean"]) < len(texts["full"])
+
+
+def test_negligible_lobes_are_dropped_and_named(device):
+    """Opaque fibres transmit nothing: only R is left, and says so."""
+    scene = with_overrides(fur_patch(), ["fibre.preset=human-black", "fibre.sigma_ca=60.0"])
+    renderer = Renderer(scene, device)
+    renderer.advance(1)
+    stats = renderer.stats()
+    assert renderer.features.lobes == ("R",)
+    assert f"{NEGLIGIBLE_SHARE:g}" in stats["features"]["left_out"]["lobe TT"]
+    assert stats["lobes"]["TT"] == 0
+    assert not renderer.features.scattered
+    assert renderer.memory.bytes["profiles"] == 0
+
+
+@pytest.mark.parametrize("preset", ["human-black", "raccoon"])
+def test_ordinary_lobes_stay(device, preset):
+    scene = with_overrides(fur_patch(), [f"fibre.preset={preset}"])
+    lobes = Renderer(scene, device).features.lobes
+    assert {"R", "TT", "TTs"} <= set(lobes)
+
+
+def test_features_of_fibres():
+    clear = fibre_features(
+        with_overrides(fur_patch(), ["fibre.kappa=0.0"]).build_fibre(), sampling="full-cdf"
+    )
+    assert not clear.medulla
+    assert not clear.scattered
+    fox = fibre_features(fur_patch().build_fibre(), sampling="full-cdf")
+    assert fox.medulla
+    assert fox.profile_channels == 1
+    assert fox.channels == 1
