@@ -42,7 +42,12 @@ def write_report(folder: str | Path) -> Path:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        interval=interval, verdict=verdict, number=number, data_uri=data_uri, share=share
+        interval=interval,
+        plus_minus=plus_minus,
+        verdict=verdict,
+        number=number,
+        data_uri=data_uri,
+        share=share,
     )
     page = environment.get_template("convergence.html").render(results=results, figures=figures)
     path = folder / "index.html"
@@ -89,10 +94,12 @@ def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with that many significant digits."""
+    """A number with that many significant digits; zeros at the end are digits too."""
     if value is None:
         return "-"
-    return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+    if isinstance(value, int) or abs(value) >= 10**digits:
+        return f"{value:.0f}"
+    return f"{value:#.{digits}g}".rstrip(".")
 
 
 def interval(estimate: Mapping[str, Any] | None, digits: int = 3) -> str:
@@ -103,6 +110,14 @@ def interval(estimate: Mapping[str, Any] | None, digits: int = 3) -> str:
     if estimate["low"] is None:
         return mean
     return f"{mean} [{number(estimate['low'], digits)}, {number(estimate['high'], digits)}]"
+
+
+def plus_minus(estimate: Mapping[str, Any], digits: int = 3) -> str:
+    """An estimate as "mean ± half of the interval"."""
+    mean = number(estimate["mean"], digits)
+    if estimate["low"] is None:
+        return mean
+    return f"{mean} ± {number(0.5 * (estimate['high'] - estimate['low']), 2)}"
 
 
 def verdict(estimate: Mapping[str, Any], less_is_better: bool = True) -> str:

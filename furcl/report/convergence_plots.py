@@ -28,6 +28,7 @@ STYLES = (
 )
 CROP_SHARE = 4  # a crop is a quarter of the picture wide
 ERROR_QUANTILE = 0.99
+MAX_TICKS = 7
 
 
 def style_of(index: int) -> dict[str, Any]:
@@ -53,11 +54,12 @@ def error_over_time(scene: Mapping[str, Any]) -> Figure:
     for axis in (curves.xaxis, curves.yaxis):
         _plain_log_ticks(axis)
     curves.set_title(f"{scene['name']}: error over time", loc="left", fontsize=10)
-    curves.legend(frameon=False, fontsize=9)
     _draw_ratios(ratios, scene)
     for axes in (curves, ratios):
         axes.grid(True, which="both", linewidth=0.4, alpha=0.35)
         axes.spines[["top", "right"]].set_visible(False)
+    handles, labels = curves.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     return figure
 
 
@@ -104,13 +106,17 @@ def _draw_ratios(axes: Axes, scene: Mapping[str, Any]) -> None:
     axes.set_xlim(-0.6, max(len(counts) - 0.4, 0.6))
     baseline = comparisons[0]["baseline"] if comparisons else names[0]
     axes.set_title(f"RMSE at equal time over that of {baseline}", loc="left", fontsize=10)
-    if comparisons:
-        axes.legend(frameon=False, fontsize=9)
 
 
 def _plain_log_ticks(axis: Any) -> None:
-    """Ticks at 1, 2 and 5 of every decade, written as plain numbers."""
-    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    """Ticks at round numbers, five or six at most, written as plain numbers."""
+    low, high = axis.get_view_interval()
+    exponents = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    for steps in ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1,)):
+        ticks = [s * 10.0**e for e in exponents for s in steps if low <= s * 10.0**e <= high]
+        if len(ticks) <= MAX_TICKS:
+            break
+    axis.set_major_locator(ticker.FixedLocator(ticks))
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(ticker.NullLocator())
 
