@@ -105,7 +105,7 @@ STRUCTS: dict[str, list[tuple[str, str]]] = {
     ],
 }
 
-# Parameters at the start of the environment buffer, by Features.environment: name and number of floats.
+# Parameters at the start of the environment buffer, by Features.environment: name, floats.
 # Tables of the image follow them, see furcl/latlong.py.
 ENVIRONMENT_FIELDS: dict[str, list[tuple[str, int]]] = {
     "constant": [("RADIANCE", 3)],
@@ -206,26 +206,28 @@ def device_text(features: Features) -> str:
         if first in names:
             lines.append(f"#define PS_{plane.name} PS_{first}")
     lines.append("enum { " + ", ".join(f"PS_{name}" for name in names) + ", PS_COUNT };")
-    lines += [
-        "/* State is __global float* state with planes of n_slots each. */",
-        "#define PS_F(name, slot) state[(size_t)PS_##name * n_slots + (slot)]",
-        "#define PS_U(name, slot) (((__global uint*)state)[(size_t)PS_##name * n_slots + (slot)])",
-        "#define PS_LOAD3(name, slot) ((float3)(PS_F(name##_X, slot), PS_F(name##_Y, slot), "
-        "PS_F(name##_Z, slot)))",
-        "#define PS_STORE3(name, slot, v) do { const float3 ps_v = (v); "
-        "PS_F(name##_X, slot) = ps_v.x; PS_F(name##_Y, slot) = ps_v.y; "
-        "PS_F(name##_Z, slot) = ps_v.z; } while (0)",
-    ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + _ACCESSORS
+
+
+_ACCESSORS = """\
+/* `state` holds planes of n_slots each. */
+#define PS_F(name, slot) state[(size_t)PS_##name * n_slots + (slot)]
+#define PS_U(name, slot) (((__global uint*)state)[(size_t)PS_##name * n_slots + (slot)])
+#define PS_LOAD3(name, slot) \\
+    ((float3)(PS_F(name##_X, slot), PS_F(name##_Y, slot), PS_F(name##_Z, slot)))
+#define PS_STORE3(name, slot, v) do { const float3 ps_v = (v); PS_F(name##_X, slot) = ps_v.x; \\
+    PS_F(name##_Y, slot) = ps_v.y; PS_F(name##_Z, slot) = ps_v.z; } while (0)
+"""
 
 
 def check_structs_text() -> str:
-    """OpenCL text of the kernel `struct_offsets`: sizes and field offsets as the device sees them."""
+    """OpenCL text of `struct_offsets`: sizes and field offsets as the device sees them."""
     writes = []
     for name, fields in STRUCTS.items():
         writes.append(f"out[n++] = sizeof({name});")
         writes += [
-            f"{{ {name} s; out[n++] = (uint)((char*)&s.{field} - (char*)&s); }}" for field, _ in fields
+            f"{{ {name} s; out[n++] = (uint)((char*)&s.{field} - (char*)&s); }}"
+            for field, _ in fields
         ]
     return (
         "__kernel void struct_offsets(__global uint* out)\n{\n    uint n = 0;\n    "

@@ -138,7 +138,14 @@ def _pack(profiles: MedullaProfiles, features: Features) -> np.ndarray:
     escape = np.broadcast_to(
         one if profiles.escape is None else profiles.escape, (*shape[:2], channels)
     )
-    blocks = (azimuth.density, azimuth.cdf, absorption, escape, longitudinal.density, longitudinal.cdf)
+    blocks = (
+        azimuth.density,
+        azimuth.cdf,
+        absorption,
+        escape,
+        longitudinal.density,
+        longitudinal.cdf,
+    )
     return np.concatenate([block.ravel() for block in blocks])
 
 
@@ -147,7 +154,9 @@ def _empty_profiles(features: Features) -> np.ndarray:
     if not features.scattered:
         return np.zeros(0, np.float32)
     rows = layout.PROFILE_TAUS * layout.PROFILE_OFFSETS
-    azimuth = rows * (layout.PROFILE_PHIS * (2 + features.profile_channels) + features.profile_channels)
+    azimuth = rows * (
+        layout.PROFILE_PHIS * (2 + features.profile_channels) + features.profile_channels
+    )
     return np.zeros(azimuth + 4 * layout.PROFILE_THETAS * layout.PROFILE_SINES, np.float32)
 
 

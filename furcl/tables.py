@@ -21,7 +21,7 @@ class AttenuationTables:
 
     Attributes
     ----------
-    lobe_cdf : (rows, lobes) float32            inclusive; a row of zeros where no lobe carries light
+    lobe_cdf : (rows, lobes) float32            inclusive; zeros where no lobe carries light
     bin_cdf : (rows, lobes, bins) float32       over |h|, inclusive, last entry 1
     joint : (rows, lobes, bins) float32         q(lobe, h) for h in [-1, 1]; its integral is 1
     lobe_probability : (rows, lobes) float64    P(lobe), for statistics
@@ -60,8 +60,12 @@ def tables_from_bins(bins: np.ndarray) -> AttenuationTables:
     probability = np.divide(energy, total, out=np.zeros_like(energy), where=alive)
     lobe_cdf = _inclusive_cdf(probability)
     sums = means.sum(axis=2, keepdims=True)
-    bin_cdf = _inclusive_cdf(np.divide(means, sums, out=np.full_like(means, 1 / n_bins), where=sums > 0))
-    joint = np.divide(means, 2.0 * total[..., None], out=np.zeros_like(means), where=alive[..., None])
+    bin_cdf = _inclusive_cdf(
+        np.divide(means, sums, out=np.full_like(means, 1 / n_bins), where=sums > 0)
+    )
+    joint = np.divide(
+        means, 2.0 * total[..., None], out=np.zeros_like(means), where=alive[..., None]
+    )
     return AttenuationTables(
         lobe_cdf=np.where(alive, lobe_cdf, 0.0).astype(np.float32),
         bin_cdf=bin_cdf.astype(np.float32),

@@ -37,6 +37,8 @@ def call(
     n = arrays[0].size
     out = memory.allocate("out", 4 * n)
     size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
-    buffers = [memory.upload(name, array.ravel()) for name, array in zip(names, arrays, strict=True)]
+    buffers = [
+        memory.upload(name, array.ravel()) for name, array in zip(names, arrays, strict=True)
+    ]
     cl.Kernel(built, "call")(device.queue, size, (LOCAL_SIZE,), np.uint32(n), out, *buffers)
     return memory.read(out, n)

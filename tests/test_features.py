@@ -143,7 +143,7 @@ ABSENT = [
     ({"medulla": False, "scattered": False, "profile_channels": 0}, ("half_medulla",)),
     ({"profile_channels": 0}, ("profile_channels(",)),
     ({"residual": False}, ("residual_attenuation",)),
-    ({"light_sampling": False}, ("environment_sample", "environment_pdf", "PS_SHADOW", "intersect_shadow")),
+    ({"light_sampling": False}, ("environment_sample", "environment_pdf", "intersect_shadow")),
     ({"body": False}, ("scatter_at_body", "body_query", "PS_HIT_T")),
     ({"lens": False}, ("angle = ",)),
     ({"statistics": False}, ("atomic_inc(lobe_counts",)),

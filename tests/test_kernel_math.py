@@ -48,9 +48,7 @@ def test_wrapped_gaussian(device, beta):
     # An angle of 7 rad is known to 2.4e-7 (half a unit in the last place), the density to that
     # over the width.
     slope = 6e-7 / width
-    np.testing.assert_allclose(
-        got, expected, rtol=2e-6, atol=(1e-6 + slope) * np.max(expected)
-    )
+    np.testing.assert_allclose(got, expected, rtol=2e-6, atol=(1e-6 + slope) * np.max(expected))
 
 
 @pytest.mark.parametrize("kind", ["box", "tent", "gaussian"])

@@ -1,4 +1,4 @@
-"""The float32 device functions against the float64 reference, which is derived from the model alone."""
+"""The float32 device functions against the float64 reference."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,11 @@ def test_attenuation(device, rng, name):
     theta = np.concatenate([[0, 1.5, -1.5], rng.uniform(-1.55, 1.55, N)]).astype(np.float32)
     got = probe.attenuation(h, theta)
     expected = bcsdf.attenuation(
-        fibre, h.astype(np.float64), theta.astype(np.float64), probe.material.profiles, residual=True
+        fibre,
+        h.astype(np.float64),
+        theta.astype(np.float64),
+        probe.material.profiles,
+        residual=True,
     )
     for lobe, values in zip(probe.lobes, got, strict=True):
         reference = expected[lobe if lobe in expected else bcsdf.RESIDUAL]

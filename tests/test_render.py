@@ -23,7 +23,9 @@ def _bits(image):
 @pytest.mark.parametrize("light_sampling", ["bcsdf", "mis"])
 def test_wave_size_changes_no_bit(device, light_sampling):
     scene = fur_patch(light_sampling=light_sampling)
-    images = [furcl.render(scene, device=device, wave_size=size) for size in (1 << 12, 1 << 18, 100)]
+    images = [
+        furcl.render(scene, device=device, wave_size=size) for size in (1 << 12, 1 << 18, 100)
+    ]
     assert _bits(images[0]) == _bits(images[1]) == _bits(images[2])
     assert images[0].stats["nonfinite"] == 0
 
@@ -46,7 +48,12 @@ THETAS_DEG = (0.0, 45.0, 75.0)
 FIBRES = {
     "black": {"preset": "human-black"},
     "fox": {"preset": "red-fox"},
-    "coloured": {"kappa": 0.5, "sigma_ms": 2.0, "sigma_ma": [0.0, 0.1, 0.5], "sigma_ca": [0.1, 0.3, 1.0]},
+    "coloured": {
+        "kappa": 0.5,
+        "sigma_ms": 2.0,
+        "sigma_ma": [0.0, 0.1, 0.5],
+        "sigma_ca": [0.1, 0.3, 1.0],
+    },
 }
 
 
@@ -62,10 +69,10 @@ def test_single_fibre_shows_its_albedo(device, seed, theta_deg, name, sampling):
     renderer.advance(scene.render.spp)
     image = renderer.image()
     mean = image.rgb.astype(np.float64).mean(axis=(0, 1))
-    error = np.sqrt(image.variance.astype(np.float64).sum(axis=(0, 1))) / (image.width * image.height)
-    expected = bcsdf.albedo(
-        scene.build_fibre(), np.deg2rad(theta_deg), renderer.material.profiles
+    error = np.sqrt(image.variance.astype(np.float64).sum(axis=(0, 1))) / (
+        image.width * image.height
     )
+    expected = bcsdf.albedo(scene.build_fibre(), np.deg2rad(theta_deg), renderer.material.profiles)
     # Three standard errors; full-cdf leaves so little noise that float32 counts.
     assert np.all(np.abs(mean - expected) < 3 * error + 3e-5)
     if np.all(3 * error < 0.01 * expected):
@@ -118,7 +125,7 @@ def test_max_depth_limits_scattering(device):
 @pytest.mark.statistical
 @pytest.mark.parametrize("sampling", ["attenuation-cdf", "full-cdf"])
 def test_white_fur_vanishes_in_a_furnace(device, seed, sampling):
-    """Nothing absorbs and the residual lobe closes the energy: every pixel is 1 within its noise."""
+    """Nothing absorbs and the residual lobe closes the energy: the picture's mean is 1."""
     scene = with_overrides(
         fur_patch(spp=32, residual=True, roulette_depth=1000, sampling=sampling),
         ["environment={kind='constant', radiance=1.0}", "fibre.sigma_ca=0.0", "fibre.sigma_ma=0.0"],
