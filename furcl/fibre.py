@@ -212,10 +212,10 @@ _RACCOON = Fibre(
     beta_n_deg=10,
     sigma_ca=(0.05, 0.05, 0.05),
     sigma_ms=1.564,
-    sigma_ma=(0.392, 0.392, 0.392),
+    sigma_ma=(0.2, 0.2, 0.2),
     g=0.4,
     layers=0.736,
-    provenance=_FITTED,
+    provenance=_FITTED + "; sigma_ma with the absorption of the simulated profiles",
 )
 _RED_FOX = Fibre(
     kappa=0.86,

@@ -72,23 +72,22 @@ def test_quadrature(name: str, theta: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "printed"),
+    ("fibre", "fitted"),
     [
-        ("human-white", (14.1, 33.2, 1.07, 51.2, 0.36)),
-        ("human-black", (95.5, 1.0, 0.00, 3.5, 0.00)),
-        ("raccoon", (14.3, 14.9, 0.83, 69.2, 0.75)),
+        (Fibre.preset("human-white"), (14.1, 33.2, 1.07, 51.2, 0.36)),
+        (Fibre.preset("human-black"), (95.5, 1.0, 0.00, 3.5, 0.00)),
+        (Fibre.preset("raccoon", sigma_ma=0.392), (14.3, 14.9, 0.83, 69.2, 0.75)),
     ],
 )
-def test_lobe_shares(name: str, printed: tuple) -> None:
-    """Within 0.6 points of the shares that the presets were fitted with.
+def test_lobe_shares_of_the_coarse_fit(fibre: Fibre, fitted: tuple) -> None:
+    """Within 0.6 points of the shares of a fit that let exp(-kappa sigma_ma) out of the medulla.
 
-    The fit let exp(-kappa sigma_ma) out of the medulla and averaged coarsely over inclination. With
-    the true escaping fraction the raccoon's scattered share is 64 %.
+    That fit averaged coarsely over inclination, hence the difference. With the true escaping
+    fraction the raccoon needs another sigma_ma: tests/test_lobe_shares.py.
     """
-    fibre = Fibre.preset(name)
     escape = float(np.exp(-fibre.kappa * fibre.sigma_ma[0]))
     shares = bcsdf.lobe_shares(fibre, flat_profiles(escape))
-    assert [100 * shares[p] for p in bcsdf.LOBES] == pytest.approx(printed, abs=0.6)
+    assert [100 * shares[p] for p in bcsdf.LOBES] == pytest.approx(fitted, abs=0.6)
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
 
 
