@@ -13,7 +13,7 @@ from furcl.buffers import Memory
 from furcl.features import ALL_LOBES, SCATTERED_LOBES, Features
 from furcl.fibre import Fibre
 from furcl.medulla import MedullaProfiles, build_profiles
-from furcl.tables import AttenuationTables, tables_from_bins
+from furcl.tables import AttenuationTables, row_angles, tables_from_bins
 
 LOCAL_SIZE = 64
 
@@ -184,7 +184,7 @@ def _attenuation_bins(
 ) -> np.ndarray:
     """(TABLE_ROWS, n_lobes, TABLE_BINS) float32 bin means of A_p, from kernels/tables.cl."""
     device = memory.device
-    theta = np.linspace(0.0, 0.5 * np.pi, layout.TABLE_ROWS)
+    theta = row_angles(layout.TABLE_ROWS)
     rows = np.stack([np.sin(theta), np.cos(theta)], 1).astype(np.float32)
     shape = (layout.TABLE_ROWS, features.n_lobes, layout.TABLE_BINS)
     out = memory.allocate("bins", 4 * int(np.prod(shape)))

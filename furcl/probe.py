@@ -100,7 +100,7 @@ class Probe:
         -------
         (n, 3) float32              [1/sr], >= 0
         """
-        value, _ = self._evaluate(wo, wi, h)
+        value, _ = self.evaluate_lobes(wo, wi, h)
         return value.sum(axis=0) if lobe is None else value[lobe]
 
     def pdf(self, wo, wi, h, lobe: int | None = None) -> np.ndarray:
@@ -113,7 +113,7 @@ class Probe:
         -------
         (n,) float32    [1/sr per unit of h]
         """
-        _, pdf = self._evaluate(wo, wi, h)
+        _, pdf = self.evaluate_lobes(wo, wi, h)
         return pdf.sum(axis=0) if lobe is None else pdf[lobe]
 
     def sample(self, wo, n: int | None = None, seed: int = 0, numbers=None):
@@ -167,8 +167,8 @@ class Probe:
             memory.read(outs["pdf"], n),
         )
 
-    def _evaluate(self, wo, wi, h) -> tuple[np.ndarray, np.ndarray]:
-        """Per lobe: values (lobes, n, 3) and densities (lobes, n)."""
+    def evaluate_lobes(self, wo, wi, h) -> tuple[np.ndarray, np.ndarray]:
+        """Values (lobes, n, 3) and densities (lobes, n) of every lobe: `evaluate` and `pdf`."""
         wo, wi, h = np.atleast_2d(wo), np.atleast_2d(wi), np.atleast_1d(h)
         n = max(len(wo), len(wi), len(h))
         wo, wi = np.broadcast_to(wo, (n, 3)), np.broadcast_to(wi, (n, 3))

@@ -1,7 +1,9 @@
 """Attenuation tables: lobe and offset h by CDFs over theta.
 
 Source: Shibaike and Iwasaki, sections 4.2 and 4.4 (200 bins over h in [-1, 1]). Changed: rows over
-theta, because A_p depends on it; 100 bins over |h|, A_p being even in h (SPEC 4.3).
+theta, because A_p depends on it, dense at grazing incidence, where it depends on it most (with rows
+even in theta a thin cuticle seen along the fibre gives weights of 10^6); 100 bins over |h|, A_p
+being even in h (SPEC 4.3).
 """
 
 from __future__ import annotations
@@ -13,6 +15,12 @@ import numpy as np
 # A bin in which the quadrature sees nothing still gets this share of its lobe's mean, so that q is
 # positive wherever the lobe can be (SPEC 4.3).
 FLOOR = 1e-3 / 200
+
+
+def row_angles(rows: int) -> np.ndarray:
+    """|theta| (rows,) [rad] of the rows, from 0 to pi/2, even in sqrt(cos(theta))."""
+    cosine = (1.0 - np.arange(rows) / (rows - 1)) ** 2
+    return np.arccos(cosine)
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ def _expected(probe, theta):
     wi = np.stack([grid_s, c * np.cos(grid_phi), c * np.sin(grid_phi)], 1)
     total = np.zeros((5, int(np.prod(CELLS))))
     for offset in h:
-        _, pdf = probe._evaluate(_wo(theta), wi, np.full(len(wi), offset))
+        _, pdf = probe.evaluate_lobes(_wo(theta), wi, np.full(len(wi), offset))
         cell = _cell(np.full(len(wi), offset), grid_phi, grid_s)
         for lobe in range(5):
             total[lobe] += np.bincount(cell, pdf[lobe], minlength=total.shape[1])

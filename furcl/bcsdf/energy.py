@@ -106,7 +106,7 @@ def attenuation_tables(
     """Mean of the scalar A_p (mean of the channels) over each bin of |h|: what the samplers' tables
     should hold.
 
-    Rows are nodes over |theta|, uniform from 0 to pi/2 inclusive; bins cut [0, 1] evenly; n nodes
+    Rows are nodes over |theta| from 0 to pi/2 inclusive, even in sqrt(cos(theta)); bins cut [0, 1] evenly; n nodes
     in each bin, twice that where the medulla's edge falls in it.
 
     Returns
@@ -114,7 +114,7 @@ def attenuation_tables(
     (rows, 5, bins) float64
     """
     table = np.zeros((rows, len(LOBES), bins))
-    for row, theta in enumerate(np.linspace(0.0, np.pi / 2, rows)):
+    for row, theta in enumerate(np.arccos(np.linspace(1.0, 0.0, rows) ** 2)):
         h, w, which = nodes_over_h(fibre, float(theta), bins, n)
         lobes = attenuation(fibre, h, theta, profiles)
         for p, name in enumerate(LOBES):
