@@ -8,30 +8,56 @@ from pathlib import Path
 import numpy as np
 
 from furcl.curves import Curves
+from furcl.environment import Environment
+from furcl.fibre import RANGES, Fibre
 from furcl.groom_io import load_curves
+from furcl.scene import ImageEnvironment, Scene
 from furcl.scene_io import load_scene
 
 
 def describe(path: str | Path, overrides: Iterable[str] = ()) -> dict[str, str]:
-    """Names and values of what a scene (.toml) or a groom file holds.
+    """Names and values of what a scene (.toml) or a groom file holds; needs no device.
+
+    What a scene needs of a device is told by `furcl.info_device`.
 
     Raises
     ------
-    SceneError, GroomError      if the file cannot be used
+    SceneError, GroomError, ImageError      if the file cannot be used
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
         return {"groom": str(path), **_describe_curves(load_curves(path))}
     scene = load_scene(path, overrides=overrides)
     film, render = scene.film, scene.render
+    fibre = scene.build_fibre()
     return {
         "scene": scene.name,
         "film": f"{film.width} x {film.height}, {film.filter} filter",
-        "fibre": str(scene.build_fibre()),
-        "environment": str(scene.environment),
+        "fibre": _parameters(fibre),
+        "fibre's source": fibre.provenance,
+        "environment": _describe_environment(scene),
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
         **_describe_curves(scene.build_curves()),
     }
+
+
+def _parameters(fibre: Fibre) -> str:
+    """Every parameter; three equal channels as one number."""
+    parts = []
+    for name in RANGES:
+        channels = np.atleast_1d(getattr(fibre, name)).tolist()
+        shown = channels if len(set(channels)) > 1 else channels[:1]
+        unit = " deg" if name.endswith("_deg") else ""
+        parts.append(f"{name.removesuffix('_deg')} {'/'.join(f'{x:.4g}' for x in shown)}{unit}")
+    return ", ".join(parts)
+
+
+def _describe_environment(scene: Scene) -> str:
+    settings = scene.environment
+    if not isinstance(settings, ImageEnvironment):
+        return str(settings)
+    clamped = Environment.from_scene(settings).n_negative
+    return f"{settings}, {clamped} pixels below zero set to zero"
 
 
 def _describe_curves(curves: Curves) -> dict[str, str]:

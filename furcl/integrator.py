@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import resource
@@ -22,9 +23,11 @@ from furcl.image import Image
 from furcl.material import build_material
 from furcl.scene import Scene, triple
 from furcl.scene_io import with_overrides
-from furcl.specialise import everything_on, left_out, scene_features
+from furcl.specialise import everything_on, left_out, scene_features, summary
 from furcl.version import software
 from furcl.wavefront import Wavefront
+
+log = logging.getLogger(__name__)
 
 #: Called after every wave with the paths finished and the paths asked for; true stops the render.
 Progress = Callable[[int, int], bool | None]
@@ -94,9 +97,7 @@ class Renderer:
             self.features = self.material.features
             light = environment.device_buffer(self.features.light_sampling)
         self.n_segments = bvh.n_segments
-        self.film = Film.allocate(
-            self.memory, scene.film.width, scene.film.height, self.features
-        )
+        self.film = Film.allocate(self.memory, scene.film.width, scene.film.height, self.features)
         with self._timed("compile"):
             self.wavefront = Wavefront(
                 self.memory,
@@ -155,9 +156,7 @@ class Renderer:
                     return self.paths_done == end
         finally:
             self.device.queue.finish()
-            self.seconds["render"] = (
-                self.seconds.get("render", 0.0) + time.perf_counter() - start
-            )
+            self.seconds["render"] = self.seconds.get("render", 0.0) + time.perf_counter() - start
         return True
 
     def _trace(self, wave: np.ndarray) -> None:
@@ -291,6 +290,10 @@ def render(
         scene = load_scene(scene)
     scene = with_overrides(scene, spp=spp, seed=seed, sampling=sampling, max_depth=max_depth)
     renderer = Renderer(scene, device, wave_size)
+    log.info(
+        "%s",
+        summary(renderer.features, renderer.memory.total_bytes, renderer.seconds["compile"]),
+    )
     complete = renderer.advance(scene.render.spp, progress, time_limit)
     image = renderer.image()
     image.stats["complete"] = complete

@@ -63,9 +63,9 @@ def _is_grey(scene: Scene, environment: Environment) -> bool:
     return light and body
 
 
-def left_out(features: Features) -> dict[str, str]:
-    """What a build does without, and why: feature -> reason."""
-    reasons = {
+def _parts(features: Features) -> dict[str, tuple[bool, str]]:
+    """Feature -> whether a build has it, and why it might not."""
+    return {
         "medulla": (features.medulla, "kappa is 0, or the medulla neither absorbs nor scatters"),
         "scattered": (features.scattered, "kappa or sigma_ms is 0: lobes TTs and TRTs, profiles"),
         "profile_channels": (features.profile_channels > 0, "sigma_ma is 0: no medulla absorption"),
@@ -82,7 +82,26 @@ def left_out(features: Features) -> dict[str, str]:
         "statistics": (features.statistics, "no statistics were asked for"),
         "debug": (features.debug, "FURCL_DEBUG is not set"),
     }
-    absent = {name: reason for name, (there, reason) in reasons.items() if not there}
+
+
+def compiled_in(features: Features) -> list[str]:
+    """What a build has of all that can be left out: features, then lobes."""
+    parts = [name for name, (there, _) in _parts(features).items() if there]
+    return [*parts, *(f"lobe {name}" for name in features.lobes)]
+
+
+def left_out(features: Features) -> dict[str, str]:
+    """What a build does without, and why: feature -> reason."""
+    absent = {name: reason for name, (there, reason) in _parts(features).items() if not there}
     for lobe in features.dropped_lobes:
         absent[f"lobe {lobe}"] = f"less than {NEGLIGIBLE_SHARE:g} of the energy at every theta"
     return absent
+
+
+def summary(features: Features, device_bytes: int, compile_seconds: float) -> str:
+    """One line for the log: what is in, what is left out, and what it took."""
+    return (
+        f"compiled in: {', '.join(compiled_in(features))}; left out: "
+        f"{', '.join(left_out(features)) or 'nothing'}; {device_bytes / 2**20:.1f} MiB on the "
+        f"device, compiled in {compile_seconds:.2f} s"
+    )

@@ -7,18 +7,47 @@ from typing import Annotated
 
 import typer
 
+from furcl.cli.render import scene_path
+
 
 def info(
-    file: Annotated[Path, typer.Argument(help="A scene (.toml) or a groom.")],
+    file: Annotated[
+        str, typer.Argument(help="A scene (.toml), the name of one of furcl's, or a groom.")
+    ],
+    device: Annotated[
+        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
+    ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", help="Replace a value of a scene: PATH=VALUE.")
     ] = None,
 ) -> None:
-    """Facts about a scene or a groom: counts, bounds, memory, features."""
+    """Facts about a scene or a groom: counts, bounds, lobe shares, features, memory.
+
+    What a scene needs of a device is found by setting up its render. Nothing is rendered.
+    """
     from furcl.info import describe
 
-    for name, value in describe(file, overrides or ()).items():
+    path = scene_path(file)
+    _print_facts(describe(path, overrides or ()))
+    if path.suffix.lower() == ".toml":
+        _print_facts(_device_facts(path, overrides or [], device))
+
+
+def _print_facts(facts: dict[str, str]) -> None:
+    for name, value in facts.items():
         typer.echo(f"{name:<20} {value}")
+
+
+def _device_facts(path: Path, overrides: list[str], device: str | None) -> dict[str, str]:
+    """What a scene needs of a device; without one, only that."""
+    from furcl.errors import NoDeviceError
+    from furcl.info_device import describe
+    from furcl.scene_io import load_scene
+
+    try:
+        return describe(load_scene(path, overrides=overrides), device)
+    except NoDeviceError as error:
+        return {"device": f"none, so what the scene needs of it is not known: {error}"}
 
 
 def convert(
