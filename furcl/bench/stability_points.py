@@ -53,16 +53,12 @@ THETAS = tuple(
 OFFSETS = (0.0, 1e-7, 1e-3, 0.5, 0.99, 1 - 1e-6, LAST, 1.0)
 
 
-def grid_fibres() -> Iterator[Fibre]:
-    """Ordinary fibres with one parameter at an edge; equal ones appear once."""
-    seen = set()
+def grid_fibres() -> Iterator[tuple[str, float | tuple, Fibre]]:
+    """Two ordinary fibres with one parameter at an edge: its name, its value, the fibre."""
     for base in _BASES:
         for name, values in EDGES.items():
             for value in values:
-                fibre = Fibre(**{**base, name: value})
-                if fibre not in seen:
-                    seen.add(fibre)
-                    yield fibre
+                yield name, value, Fibre(**{**base, name: value})
 
 
 def random_fibre(rng: np.random.Generator) -> Fibre:

@@ -1,0 +1,118 @@
+"""`furcl bench stability`: the scattering function at the ends of all ranges, and stiff renders."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furcl.bench.record import circumstances, write_json
+from furcl.bench.stability_compare import Comparison, Row, replay_command
+from furcl.bench.stability_integrals import integrals
+from furcl.bench.stability_medulla import medulla_rows
+from furcl.bench.stability_points import EDGES, grid_fibres, random_fibre, points
+from furcl.bench.stability_reference import reference_rows
+from furcl.bench.stability_renders import render_rows
+from furcl.device import Device, open_device
+from furcl.fibre import Fibre
+
+SCHEMA = "furcl-stability-1"
+POINTS_PER_FIBRE = 2000
+
+#: Called with the part that is under way, and its steps done and in all.
+Progress = Callable[[str, int, int], None]
+
+
+def run(
+    out: str | os.PathLike[str],
+    *,
+    device: str | Device | None = None,
+    quick: bool = False,
+    n_points: int | None = None,
+    renders: bool = True,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Compare the device with float64 over the grid and `n_points` random points.
+
+    Parameters
+    ----------
+    out                 folder for results.json
+    quick : bool        fewer widths, scenes and points: what the tests run as well
+    n_points : int      random points; default 10^7, quick 10^5
+    renders : bool      also render scenes/extreme
+
+    Returns
+    -------
+    dict    `rows`: one for each quantity and lobe (furcl.bench.stability_compare.Row, with the
+            command that replays its worst point); `parameters`: largest excess over the edges of
+            each parameter; `renders`
+    """
+    opened = device if isinstance(device, Device) else open_device(device)
+    n_points = n_points or (100_000 if quick else 10_000_000)
+    say = progress or (lambda *_: None)
+    rng = np.random.default_rng(seed)
+    total = Comparison(opened)
+    parameters = _grid(total, rng, 200 if quick else POINTS_PER_FIBRE, quick, say)
+    n_fibres = max(1, n_points // POINTS_PER_FIBRE)
+    for i in range(n_fibres):
+        fibre = random_fibre(rng)
+        total.add(fibre, points(fibre, rng, POINTS_PER_FIBRE), seed=i)
+        say("random points", i + 1, n_fibres)
+    betas = (1e-3, 0.41, 2.5) if quick else (1e-3, 3e-3, 0.03, 0.39, 0.41, 1.49, 1.51, 2.5)
+    degrees = (0.0, 60.0) if quick else (0.0, 60.0, 85.0, 89.5)
+    rows = [
+        *total.rows.values(),
+        *integrals(opened, betas, [math.radians(d) for d in degrees]),
+        *medulla_rows(opened, quick),
+        *reference_rows(),
+    ]
+    say("integrals", 1, 1)
+    results = {
+        "schema": SCHEMA,
+        **circumstances(opened),
+        "quick": quick,
+        "seed": seed,
+        "random_points": n_fibres * POINTS_PER_FIBRE,
+        "rows": [_plain(row) for row in rows],
+        "parameters": parameters,
+        "renders": render_rows(opened, quick, say) if renders else [],
+    }
+    write_json(results, Path(out) / "results.json")
+    return results
+
+
+def _grid(
+    total: Comparison, rng: np.random.Generator, n: int, quick: bool, say: Progress
+) -> list[dict[str, Any]]:
+    """Add the fibres of the grid; errors of each by the parameter that is at an edge."""
+    found = []
+    fibres = list(grid_fibres())
+    # The quick grid: every third fibre; all edges are also among the random ones.
+    for i, (name, value, fibre) in enumerate(fibres[::3] if quick else fibres):
+        part = Comparison(total.device)
+        part.add(fibre, points(fibre, rng, n), seed=i)
+        found.append(
+            {
+                "parameter": name,
+                "value": value,
+                "excess": {
+                    quantity: max(r.excess for r in part.rows.values() if r.quantity == quantity)
+                    for quantity in ("attenuation", "evaluate")
+                },
+                "weight": max(r.value for r in part.rows.values() if r.quantity == "sample weight"),
+            }
+        )
+        total.merge(part)
+        say("grid", i + 1, len(fibres))
+    return found
+
+
+def _plain(row: Row) -> dict[str, Any]:
+    values = dataclasses.asdict(row)
+    return {**values, "replay": replay_command(row.worst)}

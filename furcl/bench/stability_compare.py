@@ -1,0 +1,348 @@
+"""Device against float64 reference at the points of `furcl.bench.stability_points`, one fibre at a
+time: what is not finite, what is negative, the largest errors and where they are."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl import bcsdf, layout
+from furcl.bench.stability_points import LAST, Points
+from furcl.fibre import Fibre
+from furcl.material import fibre_features
+from furcl.medulla import AzimuthProfiles, LongitudinalProfiles, MedullaProfiles
+from furcl.probe import Probe
+
+Array = NDArray[np.float64]
+
+BARS = {"attenuation": (1e-5, 1e-7), "evaluate": (1e-4, 1e-6)}
+"""Relative and absolute error that count as none, by quantity."""
+
+CONDITION_FACTOR = 8.0
+"""Errors up to this many times the effect of one unit in the last place of the inputs are the
+inputs' own, not the formulas'."""
+
+HARDEST = 64
+"""Points of a batch, those with the largest errors, for which that effect is computed."""
+
+
+@dataclass
+class Row:
+    """What was found for one quantity of one lobe.
+
+    `excess` is the largest error over its allowance: the larger of the two bars, plus
+    CONDITION_FACTOR times the conditioning of the point. At that worst point stand `value`,
+    `reference` and `conditioning`, the change of the reference when an input changes by one unit
+    in the last place of float32.
+    """
+
+    quantity: str
+    lobe: str
+    points: int = 0
+    nan: int = 0
+    inf: int = 0
+    negative: int = 0
+    max_absolute: float = 0.0
+    max_relative: float = 0.0
+    within_bars: int = 0
+    excess: float = 0.0
+    value: float = 0.0
+    reference: float = 0.0
+    conditioning: float = 0.0
+    worst: dict[str, Any] = field(default_factory=dict)
+
+    def count(self, values: Array) -> None:
+        """Count what is not finite or negative."""
+        self.points += len(values)
+        self.nan += int(np.isnan(values).any(axis=-1).sum())
+        self.inf += int(np.isinf(values).any(axis=-1).sum())
+        self.negative += int((values < 0.0).any(axis=-1).sum())
+
+
+    def merge(self, other: Row) -> None:
+        """Add what another run found for the same quantity and lobe."""
+        for name in ("points", "nan", "inf", "negative", "within_bars"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        for name in ("max_absolute", "max_relative"):
+            setattr(self, name, max(getattr(self, name), getattr(other, name)))
+        if not self.worst or (other.excess, other.value) > (self.excess, self.value):
+            for name in ("excess", "value", "reference", "conditioning", "worst"):
+                setattr(self, name, getattr(other, name))
+
+
+@functools.cache
+def random_profiles(channels: int, seed: int = 1) -> MedullaProfiles:
+    """Profiles of no particular medulla: both sides read the same tables, so any will do to compare
+    the arithmetic around them. Densities differ by a thousand from bin to bin. `channels` of
+    absorption is 0, 1 or 3."""
+    rng = np.random.default_rng(seed)
+
+    def shares(*shape: int) -> Array:
+        raw = np.exp(rng.uniform(-7.0, 0.0, shape))
+        return raw / raw.sum(-1, keepdims=True)
+
+    def cdf(share: Array) -> NDArray[np.float32]:
+        out = np.cumsum(share, axis=-1).astype(np.float32)
+        out[..., -1] = 1.0
+        return out
+
+    phi = shares(layout.PROFILE_TAUS, layout.PROFILE_OFFSETS, layout.PROFILE_PHIS)
+    sine = shares(layout.PROFILE_THETAS, 2, layout.PROFILE_SINES)
+    absorption = rng.uniform(0.0, 1.0, (*phi.shape, max(channels, 1))).astype(np.float32)
+    escape = (phi[..., None] * absorption).sum(2).astype(np.float32)
+    density = (phi * layout.PROFILE_PHIS / (2.0 * np.pi)).astype(np.float32)
+    along = (sine * layout.PROFILE_SINES / 2.0).astype(np.float32)
+    return MedullaProfiles(
+        AzimuthProfiles(
+            density, cdf(phi), absorption if channels else None, np.zeros_like(density)
+        ),
+        LongitudinalProfiles(along, cdf(sine), np.zeros_like(along)),
+        escape if channels else None,
+        0.0,
+        0,
+        0.0,
+    )
+
+
+def probe_of(fibre: Fibre, device, sampling: str = "full-cdf") -> Probe:
+    """A probe in three channels with the residual lobe and with `random_profiles`."""
+    channels = fibre_features(fibre, sampling=sampling).profile_channels
+    return Probe(
+        fibre, sampling=sampling, device=device, residual=True, channels=3,
+        profiles=random_profiles(channels),
+    )  # fmt: skip
+
+
+class Comparison:
+    """Collects rows over many fibres.
+
+    Parameters
+    ----------
+    device : Device
+    """
+
+    def __init__(self, device) -> None:
+        self.device = device
+        self.rows: dict[tuple[str, str], Row] = {}
+
+    def row(self, quantity: str, lobe: str) -> Row:
+        """The row of a quantity and a lobe."""
+        return self.rows.setdefault((quantity, lobe), Row(quantity, lobe))
+
+    def add(self, fibre: Fibre, points: Points, seed: int) -> None:
+        """Compare one fibre at some points."""
+        probe = probe_of(fibre, self.device)
+        self._attenuation(probe, points)
+        self._evaluate(probe, points)
+        self._sample(probe, points, seed)
+
+    def merge(self, other: Comparison) -> None:
+        """Add the rows of another comparison."""
+        for row in other.rows.values():
+            self.row(row.quantity, row.lobe).merge(row)
+
+    def _attenuation(self, probe: Probe, points: Points) -> None:
+        theta = np.arctan2(points.sin_cos[:, 0], points.sin_cos[:, 1])
+        got = probe.attenuation(points.h, theta).astype(np.float64)
+        reference = reference_attenuation(probe, points.h, theta)
+        for p, lobe in enumerate(probe.lobes):
+            row = self.row("attenuation", lobe)
+            row.count(got[p])
+            self._errors(row, probe, points, got[p], reference[p], attenuation_conditioning, p)
+        total = self.row("energy", "all")
+        total.count(got.sum(0))
+        most = got.sum(0).max(-1)
+        at = int(np.argmax(most))
+        if most[at] > total.value:
+            total.value, total.reference = float(most[at]), float(reference.sum(0)[at].max())
+            total.excess = max(most[at] - 1.0, 0.0) / 1e-3
+            total.worst = describe(probe.fibre, points, at)
+
+    def _evaluate(self, probe: Probe, points: Points) -> None:
+        value, pdf = probe.evaluate_lobes(points.wo, points.wi, points.h)
+        reference = reference_evaluate(probe, points.wo, points.wi, points.h)
+        for p, lobe in enumerate(probe.lobes):
+            row = self.row("evaluate", lobe)
+            row.count(value[p])
+            self.row("pdf", lobe).count(pdf[p, :, None])
+            self._errors(
+                row, probe, points, value[p].astype(np.float64), reference[p],
+                evaluate_conditioning, p,
+            )  # fmt: skip
+
+    def _errors(
+        self, row: Row, probe: Probe, points: Points, got, reference, conditioning, p: int
+    ) -> None:
+        relative_bar, absolute_bar = BARS[row.quantity]
+        error = np.abs(got - reference)
+        allowed = np.maximum(relative_bar * reference, absolute_bar)
+        excess = np.nan_to_num(error / allowed, nan=np.inf).max(-1)
+        row.within_bars += int((excess <= 1.0).sum())
+        row.max_absolute = max(row.max_absolute, float(np.nanmax(error)))
+        large = reference > 100.0 * absolute_bar
+        if large.any():
+            relative = np.divide(error, reference, out=np.zeros_like(error), where=large)
+            row.max_relative = max(row.max_relative, float(relative.max()))
+        hardest = np.argsort(-excess)[:HARDEST]
+        hardest = hardest[excess[hardest] > 1.0] if excess[hardest[0]] > 1.0 else hardest[:1]
+        effect = conditioning(probe, points, hardest, p)
+        allowed = allowed[hardest] + CONDITION_FACTOR * effect
+        ratio = np.nan_to_num(error[hardest] / allowed, nan=np.inf)
+        at, channel = np.unravel_index(np.argmax(ratio), ratio.shape)
+        if ratio[at, channel] > row.excess or not row.worst:
+            i = hardest[at]
+            row.excess = float(ratio[at, channel])
+            row.value = float(got[i, channel])
+            row.reference = float(reference[i, channel])
+            row.conditioning = float(effect[at, channel])
+            row.worst = describe(probe.fibre, points, int(i))
+
+    def _sample(self, probe: Probe, points: Points, seed: int) -> None:
+        n = len(points)
+        rng = np.random.default_rng(seed)
+        numbers = (rng.integers(0, 1 << 24, (n, 3, 4)) * 2.0**-24).astype(np.float32)
+        # Half of the points draw numbers of which a third are the ends of what a generator returns.
+        ends = rng.random(numbers.shape) + (np.arange(n) % 2)[:, None, None]
+        numbers = np.where(ends < 1 / 6, 0.0, np.where(ends < 1 / 3, LAST, numbers))
+        wi, h, lobe, weight, pdf = probe.sample(points.wo, numbers=numbers)
+        scale = np.maximum(total_attenuation(probe, points), 1e-30)
+        for p, name in enumerate(probe.lobes):
+            chosen = np.flatnonzero(lobe == p)
+            if not len(chosen):
+                continue
+            row = self.row("sample weight", name)
+            row.count(np.concatenate([weight, h[:, None] ** 2, pdf[:, None]], 1)[chosen])
+            row.nan += int(np.isnan(wi[chosen]).any(-1).sum())
+            scalar = weight[chosen].mean(-1)
+            at = int(np.argmax(scalar))
+            if scalar[at] > row.value:
+                row.value = float(scalar[at])
+                row.reference = float(scale[chosen[at]])
+                row.worst = describe(probe.fibre, points, int(chosen[at]))
+                row.worst["numbers"] = numbers[chosen[at]].tolist()
+            drawn = chosen[chosen % 2 == 1]
+            self._weights(probe, points, drawn, name, p, (wi, h, weight))
+
+    def _weights(self, probe, points: Points, chosen, name: str, p: int, sampled) -> None:
+        """0.5 evaluate / pdf of what `sample` returns is its weight."""
+        wi, h, weight = (x[chosen].astype(np.float64) for x in sampled)
+        relative, there = np.full(len(h), np.inf), np.zeros(len(h), bool)
+        # A direction on the edge of a profile's bin has the value of either.
+        for turned in (wi, *_nearby(wi)):
+            value, pdf = (x[p].astype(np.float64) for x in probe.evaluate_lobes(
+                points.wo[chosen], turned, h))  # fmt: skip
+            # Densities that float32 rounds to nothing have no ratio.
+            positive = pdf > 1e-30
+            ratio = 0.5 * value / np.where(positive, pdf, 1.0)[:, None]
+            error = np.abs(ratio - weight).max(-1) / np.maximum(weight.max(-1), 1e-7)
+            relative = np.minimum(relative, np.where(positive, error, np.inf))
+            there |= positive
+            if (relative[there] <= 1e-4).all():
+                break
+        row = self.row("value over pdf", name)
+        row.points += int(there.sum())
+        row.within_bars += int((relative[there] <= 1e-4).sum())
+        if there.any() and relative[there].max() > row.max_relative:
+            at = int(np.argmax(np.where(there, relative, 0.0)))
+            row.max_relative = float(relative[at])
+            row.excess = row.max_relative / 1e-4
+            row.worst = describe(probe.fibre, points, int(chosen[at]))
+            row.worst |= {"wi": wi[at].tolist(), "h": float(h[at])}
+
+
+def total_attenuation(probe: Probe, points: Points) -> Array:
+    """(n,) energy of all lobes at the points' own h and inclination, mean of the channels."""
+    theta = np.arctan2(points.sin_cos[:, 0], points.sin_cos[:, 1])
+    return reference_attenuation(probe, points.h, theta).sum(0).mean(-1)
+
+
+def describe(fibre: Fibre, points: Points, i: int) -> dict[str, Any]:
+    """All that `furcl bench replay` needs to compute a point again."""
+    values = dataclasses.asdict(fibre)
+    values.pop("provenance")
+    return {
+        "fibre": values,
+        "sin_cos": points.sin_cos[i].tolist(),
+        "h": float(points.h[i]),
+        "wo": points.wo[i].tolist(),
+        "wi": points.wi[i].tolist(),
+    }
+
+
+def replay_command(worst: dict[str, Any]) -> str:
+    """The command line that prints a point again."""
+    return f"furcl bench replay '{json.dumps(worst)}'" if worst else ""
+
+
+def reference_attenuation(probe: Probe, h: Array, theta: Array) -> Array:
+    """(lobes, n, 3) float64."""
+    lobes = bcsdf.attenuation(probe.fibre, h, theta, probe.material.profiles, residual=True)
+    return np.stack([lobes[bcsdf.RESIDUAL if n == "residual" else n] for n in probe.lobes])
+
+
+def reference_evaluate(probe: Probe, wo: Array, wi: Array, h: Array, lobe: int | None = None):
+    """(lobes, n, 3) float64, or (n, 3) of one lobe."""
+    names = [bcsdf.RESIDUAL if n == "residual" else n for n in probe.lobes]
+    profiles = probe.material.profiles
+    if lobe is not None:
+        return bcsdf.evaluate(probe.fibre, wo, wi, h, profiles, lobe=names[lobe])
+    return np.stack([bcsdf.evaluate(probe.fibre, wo, wi, h, profiles, lobe=n) for n in names])
+
+
+def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
+    """Change of the reference for one unit in the last place of h, of the cosine or of kappa."""
+    h, sin_cos = points.h[at], points.sin_cos[at]
+    theta = np.arctan2(sin_cos[:, 0], sin_cos[:, 1])
+    middle = reference_attenuation(probe, h, theta)[p]
+    effect = np.zeros_like(middle)
+    for way in (-1.0, 1.0):
+        tilted = np.arctan2(sin_cos[:, 0], sin_cos[:, 1] * (1.0 + way * 2.0**-24))
+        moved = _moved(h, way)
+        for h_used, theta_used in ((moved, theta), (h, tilted)):
+            other = reference_attenuation(probe, h_used, theta_used)[p]
+            effect = np.maximum(effect, np.abs(other - middle))
+        # The edge of the medulla is at |h'| = kappa: moving kappa is moving h' against it.
+        scaled = np.clip(h * (1.0 + way * 2.0**-23), -1.0, 1.0)
+        other = reference_attenuation(probe, scaled, theta)[p]
+        effect = np.maximum(effect, np.abs(other - middle))
+    return effect
+
+
+def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
+    """The same for h, every component of wo and wi, and an azimuth of up to 2 pi."""
+    wo, wi, h = points.wo[at], points.wi[at], points.h[at]
+    middle = reference_evaluate(probe, wo, wi, h, p)
+    effect = np.zeros_like(middle)
+    for way in (-1.0, 1.0):
+        others = [reference_evaluate(probe, wo, wi, _moved(h, way), p)]
+        for axis in range(3):
+            for which in range(2):
+                pair = [wo.copy(), wi.copy()]
+                pair[which][:, axis] = _moved(pair[which][:, axis], way)
+                others.append(reference_evaluate(probe, *pair, h, p))
+        others += [reference_evaluate(probe, wo, turned, h, p) for turned in _nearby(wi)]
+        for other in others:
+            effect = np.maximum(effect, np.abs(other - middle))
+    return effect
+
+
+def _nearby(wi: Array) -> list[Array]:
+    """Directions that no float32 azimuth can tell from wi: turned about the fibre by one unit in
+    the last place of 2 pi. Bins of a profile that they fall into are wi's own as well."""
+    out = []
+    for turn in (-(2.0**-21), 2.0**-21):
+        y, z = wi[:, 1], wi[:, 2]
+        out.append(np.stack([wi[:, 0], y - turn * z, z + turn * y], 1))
+    return out
+
+
+def _moved(x: Array, way: float) -> Array:
+    """Float32 neighbours, at least 2^-25 away from x; inside [-1, 1]."""
+    step = np.maximum(np.spacing(np.abs(x).astype(np.float32)).astype(np.float64), 2.0**-25)
+    return np.clip(x + way * step, -1.0, 1.0)

@@ -1,0 +1,113 @@
+"""Integrals of the lobes over all directions, for every width: what a lobe sends out must be A_p.
+
+The nodes are laid around the lobe's own centre, in pieces that double in size away from it, so that
+a lobe of a thousandth of a radian is resolved as well as a broad one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl import bcsdf, layout
+from furcl.bcsdf.angles import centre_and_width
+from furcl.bench.stability_compare import Row, describe, probe_of, reference_attenuation
+from furcl.bench.stability_points import Points
+from furcl.fibre import Fibre
+from furcl.probe import Probe
+
+Array = NDArray[np.float64]
+
+BAR = 1e-3
+"""Largest error of an integral, relative."""
+
+OFFSET = 0.3
+
+
+def integrals(device, betas: Sequence[float], thetas: Sequence[float]) -> list[Row]:
+    """One row for each lobe: largest error of its integral over widths and inclinations.
+
+    Parameters
+    ----------
+    betas : rad         widths, for both directions together and each against a broad other
+    thetas : rad        inclinations of wo
+    """
+    rows = {}
+    for beta in betas:
+        for beta_m, beta_n in {(beta, beta), (beta, 0.3), (0.3, beta)}:
+            fibre = Fibre(
+                kappa=0.6, sigma_ms=1.0, sigma_ma=0.1, sigma_ca=0.1, alpha_deg=5.0,
+                beta_m_deg=math.degrees(beta_m), beta_n_deg=math.degrees(beta_n),
+            )  # fmt: skip
+            probe = probe_of(fibre, device)
+            for theta in thetas:
+                for p, lobe in enumerate(probe.lobes[:5]):
+                    row = rows.setdefault(lobe, Row("integral", lobe, value=1.0, reference=1.0))
+                    _add(row, probe, theta, p)
+    return list(rows.values())
+
+
+def _add(row: Row, probe: Probe, theta: float, p: int) -> None:
+    nodes = _scattered_nodes if p in (3, 4) else _peak_nodes
+    s, c, phi, weight = nodes(probe.fibre, p, theta)
+    wo = np.array([[np.sin(theta), np.cos(theta), 0.0]])
+    wi = np.stack([s, c * np.cos(phi), c * np.sin(phi)], 1)
+    value = probe.evaluate_lobes(wo, wi, np.float32(OFFSET))[0][p]
+    energy = reference_attenuation(probe, np.array([OFFSET]), np.array([theta]))[p, 0]
+    ratio = (value.astype(np.float64) * weight[:, None]).sum(0) / energy
+    error = np.abs(ratio - 1.0)
+    row.points += len(s)
+    row.within_bars += len(s) * bool((error <= BAR).all())
+    if not error.max() <= row.max_relative:
+        row.max_relative = float(error.max())
+        row.excess = row.max_relative / BAR
+        row.value = float(ratio[np.argmax(error)])
+        sin_cos = np.array([[np.sin(theta), np.cos(theta)]])
+        row.worst = describe(probe.fibre, Points(sin_cos, np.array([OFFSET]), wo, wi[:1]), 0)
+
+
+def _peak_nodes(fibre: Fibre, p: int, theta: float) -> tuple[Array, Array, Array, Array]:
+    """Sine, cosine, azimuth and weight of nodes around lobe p = 0, 1, 2."""
+    h = float(np.float32(OFFSET))
+    geometry = bcsdf.geometry(fibre, h, theta)
+    beta = fibre.beta_n * math.sqrt(p + 1.0)
+    # The reflection cone narrows towards phi = pi as well.
+    centres = [(float(geometry.Phi(p)), beta)] + ([(math.pi, fibre.beta_m)] if p == 0 else [])
+    phi, w_phi = _pieces(centres, float(geometry.Phi(p)) - math.pi, 2.0 * math.pi)
+    mu, width = np.broadcast_arrays(*centre_and_width(fibre, p, theta, phi), phi)[:2]
+    out = []
+    for phi_k, w_k, mu_k, width_k in zip(phi, w_phi, mu, width, strict=True):
+        inside = float(np.clip(mu_k, -math.pi / 2, math.pi / 2))
+        angle, w = _pieces([(inside, float(width_k))], -math.pi / 2, math.pi)
+        cos = np.cos(angle)
+        out.append(np.stack([np.sin(angle), cos, np.full_like(angle, phi_k), w_k * w * cos]))
+    s, c, turn, weight = np.concatenate(out, axis=1)
+    return s, c, turn, weight
+
+
+def _pieces(centres: list[tuple[float, float]], start: float, length: float, n: int = 8):
+    """Gauss-Legendre nodes and weights over [start, start + length]."""
+    cuts = [start, start + length]
+    for centre, width in centres:
+        for turn in (-2.0 * math.pi, 0.0, 2.0 * math.pi):
+            steps = width * np.concatenate([[0.0], 1.5 * 2.0 ** np.arange(0, 14)])
+            cuts += [centre + turn + step for step in (*steps, *-steps)]
+    cuts = np.unique([c for c in cuts if start <= c <= start + length])
+    x, w = np.polynomial.legendre.leggauss(n)
+    half = np.diff(cuts)[:, None] / 2.0
+    return ((cuts[:-1, None] + half) + half * x).ravel(), (half * w).ravel()
+
+
+def _scattered_nodes(fibre: Fibre, p: int, theta: float) -> tuple[Array, Array, Array, Array]:
+    """The centres of the profile's bins, in which it is constant."""
+    geometry = bcsdf.geometry(fibre, float(np.float32(OFFSET)), theta)
+    turn = geometry.gamma_t - geometry.gamma_i + (p - 3) * (np.pi + 2.0 * geometry.gamma_t)
+    n_phi, n_s = layout.PROFILE_PHIS, layout.PROFILE_SINES
+    phi = (np.arange(n_phi) + 0.5) * (2.0 * np.pi / n_phi) - np.pi + turn
+    s = (np.arange(n_s) + 0.5) * (2.0 / n_s) - 1.0
+    phi, s = (x.ravel() for x in np.meshgrid(phi, s))
+    weight = np.full(s.shape, 2.0 * np.pi / n_phi * 2.0 / n_s)
+    return s, np.sqrt((1.0 - s) * (1.0 + s)), phi, weight

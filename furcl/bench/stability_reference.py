@@ -1,0 +1,98 @@
+"""The float64 reference itself against 60 digits, at the ends of the ranges."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from furcl import bcsdf
+from furcl.bench.stability_compare import Row
+from furcl.fibre import Fibre
+
+DIGITS = 60
+
+_FIBRES = (
+    Fibre(),
+    Fibre(eta=1.0001, layers=1e-3, sigma_ca=1e-8),
+    Fibre(eta=3.0, layers=10.0, kappa=1.0 - 1e-6, sigma_ca=50.0, sigma_ma=1.0, sigma_ms=1e-8),
+    Fibre(kappa=1e-6, sigma_ms=1e4, sigma_ma=1e4, sigma_ca=1e-3),
+    Fibre(kappa=1.0, sigma_ms=1e-3, sigma_ma=1e-8),
+)
+_THETAS = (0.0, 1e-9, 1.0, 1.57, np.pi / 2 - 1e-9)
+_OFFSETS = (0.0, 1e-9, 0.5, 1 - 1e-9, 1.0)
+
+
+def reference_rows() -> list[Row]:
+    """Rows of the attenuation of R, TT and TRT and of the longitudinal density m_p.
+
+    Without mpmath, which the tests need and a render does not, there are none.
+    """
+    try:
+        import mpmath
+    except ImportError:
+        return []
+    with mpmath.workdps(DIGITS):
+        return [_attenuation(mpmath.mp), _longitudinal(mpmath.mp)]
+
+
+def _attenuation(mp: Any) -> Row:
+    row = Row("reference attenuation", "R TT TRT")
+    for fibre, theta, h in itertools.product(_FIBRES, _THETAS, _OFFSETS):
+        got = bcsdf.attenuation(fibre, h, theta)
+        exact = exact_attenuation(mp, fibre, h, theta)
+        for lobe in ("R", "TT", "TRT"):
+            _score(row, float(got[lobe][0]), exact[lobe], f"{lobe}: {fibre}, {h}, {theta}")
+    return row
+
+
+def exact_attenuation(mp: Any, fibre: Fibre, h: float, theta: float) -> dict[str, Any]:
+    """A_R, A_TT and A_TRT of the first channel, written straight from the model."""
+    h, theta, eta, kappa, layers = (
+        mp.mpf(x) for x in (h, theta, fibre.eta, fibre.kappa, fibre.layers)
+    )
+    c = mp.cos(theta) * mp.sqrt(1 - h * h)
+    n = mp.sqrt(eta**2 - 1 + c * c)
+    f_s = ((c - n) / (c + n)) ** 2
+    f_p = ((eta**2 * c - n) / (eta**2 * c + n)) ** 2
+    f = sum(2 * layers * x / (1 + (2 * layers - 1) * x) for x in (f_s, f_p)) / 2
+    cos_t = mp.sqrt(1 - (mp.sin(theta) / eta) ** 2)
+    size = abs(h * mp.cos(theta) / mp.sqrt(eta**2 - mp.sin(theta) ** 2))
+    s_m = mp.sqrt(kappa**2 - size**2) if size < kappa else mp.mpf(0)
+    s_c = mp.sqrt(1 - size**2) - s_m
+    depth = s_c * mp.mpf(fibre.sigma_ca[0]) + s_m * (
+        mp.mpf(fibre.sigma_ma[0]) + mp.mpf(fibre.sigma_ms)
+    )
+    t = mp.exp(-2 * depth / cos_t)
+    return {"R": f, "TT": (1 - f) ** 2 * t, "TRT": (1 - f) ** 2 * f * t**2}
+
+
+def _longitudinal(mp: Any) -> Row:
+    row = Row("reference density", "M")
+    for beta, theta, mu in itertools.product(
+        (1e-3, 0.03, 0.4, 2.5), (-1.5, 0.0, 0.7, 1.5707), (-1.5, 0.0, 0.7, 1.6)
+    ):
+        s, v = mp.sin(mp.mpf(theta)), mp.mpf(beta) ** 2
+        exact = (
+            mp.csch(1 / v) / (2 * v) * mp.exp(mp.sin(mu) * s / v)
+            * mp.besseli(0, mp.cos(mu) * mp.cos(mp.mpf(theta)) / v)
+        )  # fmt: skip
+        got = float(bcsdf.angles.longitudinal(theta, mu, beta * beta))
+        _score(row, got, exact, f"beta {beta}, theta {theta}, mu {mu}")
+    return row
+
+
+def _score(row: Row, got: float, exact: Any, where: str) -> None:
+    row.points += 1
+    error = float(abs(got - exact))
+    row.max_absolute = max(row.max_absolute, error if float(exact) < 2.0 else 0.0)
+    if float(exact) > 1e-12:
+        relative = float(abs(got - exact) / exact)
+        row.within_bars += relative <= 1e-9
+        if relative > row.max_relative:
+            row.max_relative, row.excess = relative, relative / 1e-9
+            row.value, row.reference = got, float(exact)
+            row.worst = {"where": where}
+    else:
+        row.within_bars += 1
