@@ -29,7 +29,7 @@ def load(path: Path, shapes: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         log.warning("%s: damaged cache file (%s); building it anew", path, error)

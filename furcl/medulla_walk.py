@@ -32,8 +32,9 @@ AZIMUTH_ROWS = PROFILE_TAUS * PROFILE_OFFSETS
 BATCHES = 64
 """Independent batches of each row; their spread gives the standard errors."""
 
-OPTICAL_RADIUS_CAP = 40.0
-"""Largest (1 - g) tau that is walked; see `plan_rows`."""
+OPTICAL_RADIUS_CAP = 100.0
+TAU_CAP = 4000.0
+"""Largest (1 - g) tau and largest tau that are walked; see `make_plan`."""
 
 TARGET_ERROR = 0.0195
 """Photons are added until every relative standard error is below this."""
@@ -108,16 +109,19 @@ def tau_nodes(fibre: Fibre) -> np.ndarray:
 def make_plan(fibre: Fibre) -> Plan:
     """Describe every row.
 
-    A medulla with (1 - g) tau > OPTICAL_RADIUS_CAP is walked with tau reduced to that and its
-    absorption in proportion, which keeps albedo and phase function: what is re-emitted from the
-    skin of a dense medium depends on these alone.
+    A denser medulla than OPTICAL_RADIUS_CAP, in transport mean free paths, or than TAU_CAP is
+    walked with tau reduced to that and its absorption in proportion. This keeps albedo and phase
+    function, on which alone depends what the skin of a dense medium re-emits. The error falls as
+    one over the cap. Measured at an albedo of 0.99, g = 0 and 0.7, caps of 20, 40 and 80 against
+    160, and scaled to a cap of 100 against none: octants of Dhat differ by at most 8 % of their
+    mean (2.5 % on average), the escaping share by at most 0.015.
     """
     azimuth, longitudinal = np.zeros((AZIMUTH_ROWS, 8)), np.zeros((1, 8))
     scale = np.repeat(fibre.kappa / tau_nodes(fibre), PROFILE_OFFSETS)
     for rows, factor in ((azimuth, scale), (longitudinal, np.array([fibre.kappa]))):
         # Below 1e-30 the profiles are those of single scattering; float32 needs a positive tau.
         tau = np.maximum(factor * fibre.sigma_ms, 1e-30)
-        shrink = np.minimum(1.0, OPTICAL_RADIUS_CAP / (1.0 - fibre.g) / tau)
+        shrink = np.minimum(1.0, min(OPTICAL_RADIUS_CAP / (1.0 - fibre.g), TAU_CAP) / tau)
         rows[:, 0] = shrink * tau
         rows[:, 1:4] = (shrink * factor)[:, None] * np.asarray(fibre.sigma_ma)
     angle = np.linspace(0.0, 0.5 * np.pi, PROFILE_OFFSETS)
