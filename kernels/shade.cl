@@ -109,8 +109,10 @@ static inline Bounce scatter_at_body(
     /* On the surface exactly, and a ten thousandth outside it. */
     bounce.origin = body->centre.xyz + 1.0001f * unit / body->inv_radii.xyz;
     const float3 t = normalize(cross(n, fabs(n.x) < 0.5f ? (float3)(1, 0, 0) : (float3)(0, 1, 0)));
-    const float r = sqrt(u.x), phi = TWO_PI * u.y, up = sqrt(1.0f - u.x);
-    bounce.direction = normalize(r * cos(phi) * t + r * sin(phi) * cross(n, t) + up * n);
+    const float r = sqrt(u.x), up = sqrt(1.0f - u.x);
+    float cos_phi;
+    const float sin_phi = sincos_turns(u.y, &cos_phi);
+    bounce.direction = normalize(r * cos_phi * t + r * sin_phi * cross(n, t) + up * n);
     bounce.skip_segment = FURCL_NO_SEGMENT;
     bounce.skip_distance = 0.0f;
     bounce.weight = spectrum_from4(body->albedo);

@@ -19,8 +19,11 @@ def call(
     expression: str,
     *arguments,
     features: Features | None = None,
+    before: str = "",
 ) -> np.ndarray:
     """Evaluate an OpenCL expression of x, y, z, ... (float32 arrays of one shape) elementwise.
+
+    `before` is OpenCL text between the include and the kernel.
 
     Returns (n,) float32.
     """
@@ -29,7 +32,7 @@ def call(
     parameters = ", ".join(f"__global const float* p{name}" for name in names)
     reads = " ".join(f"const float {name} = p{name}[i];" for name in names)
     text = program.source(include, features or Features()) + (
-        f"\n__kernel void call(const uint n, __global float* out, {parameters})\n"
+        f"\n{before}\n__kernel void call(const uint n, __global float* out, {parameters})\n"
         f"{{ const uint i = get_global_id(0); if (i >= n) return; {reads} out[i] = {expression}; }}"
     )
     built = cl.Program(device.context, text).build(list(program.OPTIONS))

@@ -145,7 +145,7 @@ ABSENT = [
     ({"residual": False}, ("residual_attenuation",)),
     ({"light_sampling": False}, ("environment_sample", "environment_pdf", "intersect_shadow")),
     ({"body": False}, ("scatter_at_body", "body_query", "PS_HIT_T")),
-    ({"lens": False}, ("angle = ",)),
+    ({"lens": False}, ("sin_turn",)),
     ({"statistics": False}, ("atomic_inc(lobe_counts",)),
     ({"environment": "constant"}, ("sky_radiance",)),
     ({"variance": False}, ("mean_before",)),

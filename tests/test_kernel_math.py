@@ -76,3 +76,45 @@ def test_normal_numbers(device):
     got = call(device, "math.clh", "normal_from_uniform(x, y)", [0.0, 0.5, last], [0.0, 0.0, 0.0])
     expected = np.sqrt(-2 * np.log1p(-np.array([0.0, 0.5, float(last)])))
     np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-7)
+
+
+SINE = "static inline float sine_of_turns(float x) { float c; return sincos_turns(x, &c); }"
+TINY = np.geomspace(1e-30, 1e-3, 200)
+UNIT = np.concatenate([np.linspace(-1, 1, 20001), TINY, -TINY, 1 - TINY, [0.5, -0.5, 0.49999997]])
+ELEMENTARY = {
+    # expression, arguments, float64 twin, bound relative to the value, bound relative to 1
+    "arc_sine": ("arc_sine(x)", UNIT, np.arcsin, 4e-7, 0),
+    "natural_log": (
+        "natural_log(x)", np.concatenate([np.geomspace(1e-37, 1e37, 20001), 1 - TINY, 1 + TINY]),
+        np.log, 4e-7, 1e-9,
+    ),
+    "one_minus_exp": (
+        "one_minus_exp(x)", np.geomspace(1e-30, 200, 20001), lambda x: -np.expm1(-x), 4e-7, 0,
+    ),
+    "sin": (
+        "sine_of_turns(x)", np.concatenate([np.linspace(-2, 2, 20001), TINY]),
+        lambda x: np.sin(2 * np.pi * x), 4e-7, 3e-7,
+    ),
+    "cos": ("cos_turns(x)", np.linspace(-2, 2, 20001), lambda x: np.cos(2 * np.pi * x), 4e-7, 3e-7),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_elementary_functions(device, name):
+    expression, x, twin, relative, absolute = ELEMENTARY[name]
+    x = x.astype(np.float32)
+    got = call(device, "math.clh", expression, x, before=SINE)
+    expected = twin(x.astype(np.float64))
+    np.testing.assert_allclose(got, expected, rtol=relative, atol=absolute)
+
+
+def test_arc_tangent(device, rng):
+    angle = np.concatenate([rng.uniform(-np.pi, np.pi, 20000), np.arange(-8, 9) * np.pi / 8])
+    radius = np.exp(rng.uniform(-30, 30, len(angle)))
+    y, x = (radius * np.sin(angle)).astype(np.float32), (radius * np.cos(angle)).astype(np.float32)
+    got = call(device, "math.clh", "arc_tangent(x, y)", y, x)
+    np.testing.assert_allclose(
+        got, np.arctan2(y.astype(np.float64), x.astype(np.float64)), rtol=4e-7
+    )
+    zero = call(device, "math.clh", "arc_tangent(x, y)", [0.0, 0.0, 0.0], [0.0, 1.0, -1.0])
+    np.testing.assert_allclose(zero, [0, 0, np.pi], rtol=1e-7)
