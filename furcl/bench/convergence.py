@@ -115,6 +115,7 @@ class _Counter:
     def __init__(self, progress: Progress | None, plan: Plan) -> None:
         self.progress = progress
         self.done = 0
+        self.stopped = False
         self.total = sum(
             (plan.samples_a_pixel() + plan.reference_spp) * s.film.width * s.film.height
             for s in plan.scenes
@@ -125,10 +126,11 @@ class _Counter:
         self.total -= samples
 
     def __call__(self, done: int, total: int) -> bool:
-        stop = self.progress is not None and self.progress(self.done + done, self.total)
+        if self.progress is not None and self.progress(self.done + done, self.total):
+            self.stopped = True
         if done == total:
             self.done += total
-        return bool(stop)
+        return self.stopped
 
 
 class _Bench:
@@ -205,6 +207,8 @@ class _Bench:
         self, renderer: Renderer, seed: int, spp: int, *, count: bool = True
     ) -> tuple[Image, float, float]:
         """Independent samples of a seed: image, wall seconds, CPU seconds of this process."""
+        if self.counter.stopped:
+            raise _StoppedError
         renderer.restart(seed)
         cpu = time.process_time()
         complete = renderer.advance(spp, self.counter if count else None)

@@ -136,6 +136,7 @@ def render_reference(
         "seconds": sum(part.stats["wall_seconds"] for part in parts),
         "device": sorted({str(part.stats["device"]) for part in parts}),
         "mean": float(rgb.mean()),
+        "mean_error": float(np.sqrt(3.0 * variance.sum()) / variance.size),
         "mse": float(variance.mean()),
         "rmse": float(np.sqrt(variance.mean())),
         "key": key,

@@ -26,6 +26,7 @@ from furcl.files import atomic_path
 from furcl.scene import Scene
 
 SCHEMA = "furcl-convergence-1"
+CONFIDENCE_95 = 1.96  # standard errors of a normal variable
 MEASURES = ("seconds", "cpu_seconds", "rmse", "relmse", "flip")
 CSV_COLUMNS = (
     "scene", "sampling", "spp", "run", "seed", "seconds", "cpu_seconds", "mse_against_reference",
@@ -46,7 +47,7 @@ def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
         "strands": curves.n_strands,
         "segments": curves.n_segments,
         "fibre_width_px": float(np.median(2.0 * curves.radii / (distances * pixel))),
-        "document": msgspec.to_builtins(scene),
+        "document": msgspec.json.decode(msgspec.json.encode(scene)),
     }
 
 
@@ -73,7 +74,7 @@ def assemble(
             {
                 "name": scene.name,
                 **data["scenes"][scene.name],
-                **_scene_results(plan, scene.name, records, data["setup"]),
+                **_scene_results(plan, scene.name, records, data),
             }
             for scene in plan.scenes
             if scene.name in data["scenes"]
@@ -101,8 +102,9 @@ def _in_plan(plan: Plan, renders: Mapping[str, Any]) -> Records:
 
 
 def _scene_results(
-    plan: Plan, scene: str, records: Records, setup: Mapping[str, Any]
+    plan: Plan, scene: str, records: Records, data: Mapping[str, Any]
 ) -> dict[str, Any]:
+    setup, reference = data["setup"], data["scenes"][scene]["reference"]
     whole = [
         run
         for run in range(plan.runs)
@@ -120,7 +122,7 @@ def _scene_results(
     for name in plan.sampling:
         entry: dict[str, Any] = {"name": name, "setup": setup.get(f"{scene}|{name}", {})}
         entry["spp"] = [
-            _cell(spp, rows)
+            _cell(spp, rows, reference)
             for spp in plan.spp
             if (
                 rows := [
@@ -151,7 +153,7 @@ def _table(
     return np.array(rows, np.float64).reshape(len(runs), len(spp))
 
 
-def _cell(spp: int, rows: list[Mapping[str, Any]]) -> dict[str, Any]:
+def _cell(spp: int, rows: list[Mapping[str, Any]], reference: Mapping[str, Any]) -> dict[str, Any]:
     """One sampler at one sample count."""
     cell: dict[str, Any] = {"spp": spp, "runs": len(rows)}
     for name in MEASURES:
@@ -159,6 +161,10 @@ def _cell(spp: int, rows: list[Mapping[str, Any]]) -> dict[str, Any]:
     cell["variance"] = float(np.mean([row["variance"] for row in rows]))
     positive = [row["mse"] / row["variance"] for row in rows if row["variance"] > 0.0 < row["mse"]]
     cell["mse_over_variance"] = ratio_interval(positive).as_dict() if positive else None
+    ratio = mean_interval([row["mean"] / reference["mean"] for row in rows])
+    cell["mean_over_reference"] = ratio.widened(
+        CONFIDENCE_95 * reference["mean_error"] / reference["mean"]
+    ).as_dict()
     cell["reference_share"] = float(
         np.mean([1.0 - row["mse"] / row["mse_against_reference"] for row in rows])
     )

@@ -7,6 +7,7 @@ slowed them all.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -28,6 +29,11 @@ class Estimate:
     def contains(self, value: float) -> bool:
         """Whether the interval holds a value."""
         return self.low <= value <= self.high
+
+    def widened(self, half: float) -> Estimate:
+        """With an independent error of that half width added in squares."""
+        below, above = (math.hypot(self.mean - end, half) for end in (self.low, self.high))
+        return Estimate(self.mean, self.mean - below, self.mean + above, self.n)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON, None for NaN."""
