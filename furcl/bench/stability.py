@@ -12,10 +12,19 @@ from typing import Any
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.bench.stability_compare import Comparison, Row, replay_command
+from furcl.bench.stability_compare import (
+    Comparison,
+    Row,
+    attenuation_conditioning,
+    evaluate_conditioning,
+    probe_of,
+    reference_attenuation,
+    reference_evaluate,
+    replay_command,
+)
 from furcl.bench.stability_integrals import integrals
 from furcl.bench.stability_medulla import medulla_rows
-from furcl.bench.stability_points import EDGES, grid_fibres, random_fibre, points
+from furcl.bench.stability_points import Points, grid_fibres, points, random_fibre
 from furcl.bench.stability_reference import reference_rows
 from furcl.bench.stability_renders import render_rows
 from furcl.device import Device, open_device
@@ -83,8 +92,44 @@ def run(
         "parameters": parameters,
         "renders": render_rows(opened, quick, say) if renders else [],
     }
+    results["passed"] = passed(results)
     write_json(results, Path(out) / "results.json")
     return results
+
+
+def passed(results: dict[str, Any]) -> bool:
+    """Whether every bar holds: nothing that is not finite or negative, no error beyond what is
+    allowed, renders that agree."""
+    good = all(
+        row["nan"] == row["inf"] == row["negative"] == 0 and row["excess"] <= 1.0
+        for row in results["rows"]
+    )
+    return good and all(r["agrees"] and r["nonfinite"] == 0 for r in results["renders"])
+
+
+def replay(point: dict[str, Any], device: str | Device | None = None) -> list[list[Any]]:
+    """Device and float64 values at a point of a row, as quantity, lobe, device, float64, and what
+    one unit in the last place of the inputs changes; largest channel."""
+    probe = probe_of(Fibre(**point["fibre"]), device)
+    at = Points(*(np.array([point[name]], np.float64) for name in ("sin_cos", "h", "wo", "wi")))
+    theta = np.arctan2(at.sin_cos[:, 0], at.sin_cos[:, 1])
+    quantities = (
+        ("attenuation", probe.attenuation(at.h, theta), reference_attenuation(probe, at.h, theta),
+         attenuation_conditioning),
+        ("evaluate", probe.evaluate_lobes(at.wo, at.wi, at.h)[0],
+         reference_evaluate(probe, at.wo, at.wi, at.h), evaluate_conditioning),
+    )  # fmt: skip
+    rows = []
+    for quantity, got, exact, conditioning in quantities:
+        for p, lobe in enumerate(probe.lobes):
+            effect = conditioning(probe, at, [0], p).max()
+            rows.append(
+                [quantity, lobe, *(float(x) for x in (got[p].max(), exact[p].max(), effect))]
+            )
+    if "numbers" in point:
+        _, _, lobe, weight, _ = probe.sample(at.wo, numbers=[point["numbers"]])
+        rows.append(["sample weight", probe.lobes[int(lobe[0])], float(weight.mean()), "", ""])
+    return rows
 
 
 def _grid(

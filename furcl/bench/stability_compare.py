@@ -64,7 +64,6 @@ class Row:
         self.inf += int(np.isinf(values).any(axis=-1).sum())
         self.negative += int((values < 0.0).any(axis=-1).sum())
 
-
     def merge(self, other: Row) -> None:
         """Add what another run found for the same quantity and lobe."""
         for name in ("points", "nan", "inf", "negative", "within_bars"):
@@ -277,7 +276,7 @@ def describe(fibre: Fibre, points: Points, i: int) -> dict[str, Any]:
 
 def replay_command(worst: dict[str, Any]) -> str:
     """The command line that prints a point again."""
-    return f"furcl bench replay '{json.dumps(worst)}'" if worst else ""
+    return f"furcl bench replay '{json.dumps(worst)}'" if "h" in worst else ""
 
 
 def reference_attenuation(probe: Probe, h: Array, theta: Array) -> Array:

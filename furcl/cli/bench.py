@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from furcl.cli.bench_convergence import convergence
+from furcl.cli.bench_stability import replay, stability
 from furcl.cli.render import scene_path
 
 app = typer.Typer(no_args_is_help=True, help="Measure; results go to a folder.")
@@ -60,6 +61,8 @@ def stages(
 
 
 app.command()(convergence)
+app.command()(stability)
+app.command()(replay)
 
 
 @app.command()

@@ -1,0 +1,82 @@
+"""`furcl bench stability` and `furcl bench replay`."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from furcl.cli.console import progress_report
+
+log = logging.getLogger(__name__)
+
+DeviceName = Annotated[
+    str | None, typer.Option("--device", help="Number in `furcl devices`, P:D, or part of a name.")
+]
+
+
+def stability(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="10^5 random points, few widths and scenes.")
+    ] = False,
+    points: Annotated[
+        int | None, typer.Option(help="Random points; 10^7, with --quick 10^5.")
+    ] = None,
+    renders: Annotated[bool, typer.Option(help="Also render the scenes of scenes/extreme.")] = True,
+    seed: Annotated[int, typer.Option(help="Of fibres, points and random numbers.")] = 1,
+    device: DeviceName = None,
+    numerics: Annotated[
+        Path | None, typer.Option(help="Also write the table of docs/numerics.md to this file.")
+    ] = None,
+) -> None:
+    """Compare the device with float64 at the ends of all ranges, and render stiff scenes."""
+    from furcl.bench import stability as bench
+    from furcl.report.stability import write_numerics, write_report
+
+    with progress_report() as report:
+        results = bench.run(
+            output, device=device, quick=quick, n_points=points, renders=renders, seed=seed,
+            progress=lambda _, done, total: report(done, total),
+        )  # fmt: skip
+    print_stability(results)
+    log.info("wrote %s and results.json", write_report(output))
+    if numerics:
+        write_numerics(results, numerics)
+    if not results["passed"]:
+        raise typer.Exit(1)
+
+
+def print_stability(results: dict) -> None:
+    """The rows as tables."""
+    from furcl.cli.bench import print_table
+
+    names = ["quantity", "lobe", "points", "nan", "inf", "negative"]
+    numbers = ["max_absolute", "max_relative", "conditioning", "excess"]
+    print_table(
+        [*names, "abs error", "rel error", "conditioning", "error / allowed"],
+        [[row[name] for name in names + numbers] for row in results["rows"]],
+    )
+    if results["renders"]:
+        print_table(
+            ["scene", "largest", "nonfinite", "energy", "p", "agrees"],
+            [
+                [r["scene"], r["largest"], r["nonfinite"], r["energy"], r["p"], r["agrees"]]
+                for r in results["renders"]
+            ],
+        )
+
+
+def replay(
+    point: Annotated[str, typer.Argument(help="The JSON object of a row of `bench stability`.")],
+    device: DeviceName = None,
+) -> None:
+    """Print device and float64 values of every lobe at one point."""
+    from furcl.bench.stability import replay as run
+    from furcl.cli.bench import print_table
+
+    rows = run(json.loads(point), device)
+    print_table(["quantity", "lobe", "device", "float64", "one unit in the last place"], rows)
