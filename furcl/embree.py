@@ -56,23 +56,30 @@ PRIMITIVE = np.dtype(
 STRUCT_BYTES = {"RTCBuildArguments": 136, "RTCBuildPrimitive": 32}
 
 
-def _library_paths():
-    """Paths of the TBB and Embree libraries that the embreex wheel carries."""
+def _package_folder():
     spec = importlib.util.find_spec("embreex")
     if spec is None or not spec.submodule_search_locations:
         raise BvhError(
             "BVH builder: the package embreex is not installed; furcl needs it to build trees; "
             "run `pip install embreex`"
         )
-    package = pathlib.Path(spec.submodule_search_locations[0])
-    folder = package.parent / "embreex.libs"
+    return pathlib.Path(spec.submodule_search_locations[0]).parent
+
+
+def find_libraries(folder):
+    """Paths of the TBB and Embree libraries that the embreex wheel puts into `folder`.
+
+    Raises
+    ------
+    BvhError    if one is not there
+    """
     found = []
     for pattern in ("libtbb*.so*", "libembree4*.so*"):
-        matches = sorted(folder.glob(pattern))
+        matches = sorted((folder / "embreex.libs").glob(pattern))
         if not matches:
             raise BvhError(
-                f"BVH builder: no {pattern} in {folder}; the Linux wheel of embreex 4.4 holds one; "
-                "install that wheel (`pip install --force-reinstall embreex`)"
+                f"BVH builder: no {pattern} in {folder / 'embreex.libs'}; the Linux wheel of "
+                "embreex 4.4 holds one: `pip install --force-reinstall embreex`"
             )
         found.append(matches[0])
     return found
@@ -105,7 +112,7 @@ def library():
     ------
     BvhError    if the library is missing, has another major version or another struct layout
     """
-    tbb, embree = _library_paths()
+    tbb, embree = find_libraries(_package_folder())
     try:
         ctypes.CDLL(str(tbb), mode=ctypes.RTLD_GLOBAL)
         lib = ctypes.CDLL(str(embree))

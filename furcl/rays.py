@@ -33,12 +33,13 @@ def launch_size(device: Device, n_rays: int) -> tuple[tuple[int], tuple[int]]:
 
 
 def upload(memory: Memory, bvh: Bvh) -> list[cl.Buffer | np.uint32]:
-    """What BVH_PARAMETERS names: blocks, vertices, strand offsets, number of strands."""
+    """What BVH_PARAMETERS names in kernels/include/traversal.clh, in that order."""
     return [
         memory.upload("bvh", bvh.blocks),
         memory.upload("vertices", bvh.vertices),
         memory.upload("strand offsets", bvh.offsets),
         np.uint32(len(bvh.offsets) - 1),
+        np.uint32(np.diff(bvh.offsets).max()),
     ]
 
 

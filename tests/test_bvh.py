@@ -1,0 +1,208 @@
+"""The tree: every segment once and inside its bounds, and the checks that say so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ray_reference import random_walks, strands
+
+from furcl import embree
+from furcl.bvh import build_bvh
+from furcl.curves import Curves
+from furcl.errors import BvhError
+from furcl.layout import BVH_STACK_SIZE
+
+
+def _helix(rng):
+    t = np.linspace(0.0, 40.0, 400)
+    return strands(np.stack([np.cos(t), np.sin(t), 0.1 * t], axis=1)[None], 0.02)
+
+
+def _parallel(rng):
+    root = np.concatenate([rng.random((300, 2)), np.zeros((300, 1))], axis=1)
+    return strands(root[:, None] + np.linspace([0, 0, 0], [0, 0, 5], 9)[None], 0.01, taper=0.9)
+
+
+def _repeated(rng):
+    """All segments in the same place: no plane parts them."""
+    return strands(np.tile([[[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]], (100, 1, 1)), 0.1)
+
+
+def _uneven(rng):
+    """Sizes and distances over 24 orders of magnitude: the deepest trees."""
+    scale = 10.0 ** np.linspace(-12, 12, 200)[:, None, None]
+    return strands(scale * np.array([[[1.0, 1.0, 1.0], [1.5, 1.0, 1.2]]]), 1e-13)
+
+
+def _far_away(rng):
+    curves = random_walks(rng, 40, 9, 0.2, 0.01)
+    return Curves.from_arrays(curves.points + np.float32(1e5), curves.radii, curves.offsets)
+
+
+def _on_axes(rng):
+    ends = np.zeros((3, 2, 3))
+    ends[:, 1] = np.eye(3)
+    return strands(ends, 0.01)
+
+
+GROOMS = {
+    "one segment": lambda rng: random_walks(rng, 1, 2, 1.0, 0.1),
+    "two segments": lambda rng: random_walks(rng, 1, 3, 1.0, 0.1),
+    "nine segments": lambda rng: random_walks(rng, 3, 4, 1.0, 0.1),
+    "walks": lambda rng: random_walks(rng, 500, 12, 0.1, 0.005, taper=0.8),
+    "thick": lambda rng: random_walks(rng, 50, 6, 0.01, 1.0),
+    "long": lambda rng: random_walks(rng, 1000, 2, 3.0, 1e-4),
+    "tiny": lambda rng: random_walks(rng, 50, 6, 1e-7, 1e-9),
+    "huge": lambda rng: random_walks(rng, 50, 6, 1e6, 1e3),
+    "on axes": _on_axes,
+    "helix": _helix,
+    "parallel": _parallel,
+    "repeated": _repeated,
+    "uneven": _uneven,
+    "far away": _far_away,
+}
+
+
+@pytest.mark.parametrize("name", GROOMS)
+def test_holds_every_segment_once_and_inside_its_bounds(name, rng):
+    curves = GROOMS[name](rng)
+    bvh = build_bvh(curves)
+    bvh.validate(curves)
+    assert bvh.n_segments == curves.n_segments
+    assert bvh.stack_size <= BVH_STACK_SIZE
+
+
+def test_is_compact(rng):
+    curves = random_walks(rng, 20_000, 11, 0.02, 0.001)
+    assert build_bvh(curves).n_bytes / curves.n_segments < 48
+
+
+def test_is_the_same_every_time(rng):
+    curves = random_walks(rng, 20_000, 6, 0.02, 0.001)
+    assert np.array_equal(build_bvh(curves).blocks, build_bvh(curves).blocks)
+
+
+def _kinds(bvh, flag):
+    """Blocks of boxes (True) or capsules."""
+    return np.flatnonzero((bvh.blocks[:, 22] >> 16 & 1).astype(bool) == flag)
+
+
+def _block_with(bvh, subtrees):
+    """A block of capsules of which lane 0 is a segment, or the last lane in use a subtree."""
+    kinds = bvh.blocks[:, 22]
+    used, segments = kinds & 255, kinds >> 8 & 255
+    mixed = (kinds >> 16 == 0) & (segments > 0) & ((segments != used) == subtrees)
+    return int(np.flatnonzero(mixed)[0])
+
+
+def _lose_segment(blocks, bvh):
+    block = _block_with(bvh, False)
+    blocks[block, 22] &= ~np.uint32(0x101)
+
+
+def _repeat_segment(blocks, bvh):
+    block = _block_with(bvh, False)
+    blocks[block, 24] = blocks[block, 25]
+
+
+def _wrong_child(blocks, bvh):
+    block = _block_with(bvh, True)
+    lane = int(blocks[block, 22] & 255).bit_length() - 1
+    blocks[block, 24 + lane] += 1
+
+
+def _cycle(blocks, bvh):
+    block = _block_with(bvh, True)
+    lane = int(blocks[block, 22] & 255).bit_length() - 1
+    blocks[block, 24 + lane] = block
+
+
+def _narrow_capsule(blocks, bvh):
+    blocks.view(np.uint8)[_block_with(bvh, False), 80] //= 2
+
+
+def _moved_end(blocks, bvh):
+    row = blocks.view(np.uint8)[_block_with(bvh, False)]
+    row[32] = 255 - row[32]
+
+
+def _moved_face(blocks, bvh):
+    row = blocks.view(np.uint8)[_kinds(bvh, True)[0]]
+    row[40:48] //= 2
+
+
+def _shifted_grid(blocks, bvh):
+    floats = blocks.view(np.float32)
+    floats[_kinds(bvh, True)[-1], 0] += 0.05
+
+
+def _shrunk_grid(blocks, bvh):
+    blocks.view(np.float32)[0, 4:7] *= 0.98
+
+
+def _box_of_segments(blocks, bvh):
+    blocks[_block_with(bvh, False), 22] |= 1 << 16
+
+
+MUTANTS = [
+    _lose_segment, _repeat_segment, _wrong_child, _cycle, _narrow_capsule, _moved_end, _moved_face,
+    _shifted_grid, _shrunk_grid, _box_of_segments,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("mutate", MUTANTS, ids=lambda f: f.__name__.strip("_"))
+def test_a_corrupted_block_is_found(mutate, rng):
+    curves = random_walks(rng, 2000, 8, 0.05, 0.002)
+    bvh = build_bvh(curves)
+    blocks = bvh.blocks.copy()
+    mutate(blocks, bvh)
+    with pytest.raises(BvhError):
+        replace(bvh, blocks=blocks).validate(curves)
+
+
+def test_wrong_copies_are_found(rng):
+    curves = random_walks(rng, 20, 8, 0.05, 0.002)
+    bvh = build_bvh(curves)
+    for changed in (
+        replace(bvh, stack_size=0),
+        replace(bvh, stack_size=BVH_STACK_SIZE + 1),
+        replace(bvh, vertices=bvh.vertices + np.float32(1e-3)),
+        replace(bvh, offsets=bvh.offsets + np.uint32(1)),
+        replace(bvh, blocks=bvh.blocks[:, :-1]),
+    ):
+        with pytest.raises(BvhError):
+            changed.validate(curves)
+
+
+def test_embree_builds_a_binary_tree_of_all_primitives(rng):
+    primitives = np.zeros(1000, embree.PRIMITIVE)
+    primitives["lower"] = rng.random((1000, 3))
+    primitives["upper"] = primitives["lower"] + 0.01
+    primitives["primitive"] = rng.permutation(1000)
+    boxes = primitives.copy()
+    children, bounds = embree.build_binary_tree(primitives)
+    leaves = ~children[children < 0]
+    assert np.array_equal(np.sort(leaves), np.arange(1000))
+    node, side = np.nonzero(children < 0)
+    at = np.argsort(boxes["primitive"])[leaves]
+    assert np.array_equal(bounds[node, side, 0, :3], boxes["lower"][at])
+    assert np.array_equal(bounds[node, side, 1, :3], boxes["upper"][at])
+
+
+def test_another_embree_is_refused():
+    embree.check_version(40400, "libembree4.so")
+    with pytest.raises(BvhError, match=r"Embree 3\.13.*install embreex 4\.4"):
+        embree.check_version(31305, "libembree3.so")
+
+
+@pytest.mark.parametrize("name", embree.STRUCT_BYTES)
+def test_another_struct_layout_is_refused(name):
+    with pytest.raises(BvhError, match=name):
+        embree.check_struct_sizes({**embree.STRUCT_BYTES, name: embree.STRUCT_BYTES[name] + 8})
+
+
+def test_a_missing_library_is_named(tmp_path):
+    with pytest.raises(BvhError, match=r"no libtbb.*pip install"):
+        embree.find_libraries(tmp_path)
