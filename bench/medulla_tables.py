@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -94,7 +95,13 @@ def main() -> None:
     if arguments.only:
         print(json.dumps(measure(device, arguments.only)))
         return
-    record = {**circumstances(device), "load_average": os.getloadavg()[0], "presets": {}}
+    command = "python " + shlex.join(sys.argv)
+    record = {
+        **circumstances(device),
+        "command": command,
+        "load_average": os.getloadavg()[0],
+        "presets": {},
+    }
     for preset in arguments.presets:
         with tempfile.TemporaryDirectory() as folder:
             cold = in_fresh_process(preset, arguments.device, folder)

@@ -250,15 +250,9 @@ class Walker:
 
 
 def simulate(device: Device, fibre: Fibre, seed: int, photons: int | None) -> Tally:
-    """Trace photons until the tables are good enough or the budget of collisions is spent.
+    """Trace `photons` for each of the 144 rows, rounded up to whole batches; None: trace until the
+    tables are good enough or the budget of collisions is spent.
 
-    Parameters
-    ----------
-    photons : int or None   photons for each of the 144 rows, rounded up to whole batches; None: as
-                            many as TARGET_ERROR asks for
-
-    Notes
-    -----
     How many photons a row gets depends on the spread of its first ones, never on the time that
     they took: the result is a function of fibre, seed and device.
     """
