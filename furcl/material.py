@@ -47,7 +47,8 @@ def fibre_params(fibre: Fibre) -> np.ndarray:
 def fibre_features(fibre: Fibre, *, sampling: str, residual: bool = False) -> Features:
     """The features that a fibre alone decides; the rest are defaults.
 
-    A medulla matters if kappa > 0 and it absorbs or scatters; scattered lobes if it scatters.
+    A medulla matters if kappa > 0 and anything absorbs or scatters: a clear one shortens the way
+    through the cortex. Scattered lobes exist if it scatters.
     """
     absorbs = any(s > 0.0 for s in fibre.sigma_ma)
     scattered = fibre.kappa > 0.0 and fibre.sigma_ms > 0.0
@@ -55,7 +56,8 @@ def fibre_features(fibre: Fibre, *, sampling: str, residual: bool = False) -> Fe
     return Features(
         sampling=sampling,
         channels=1 if grey_medulla and len(set(fibre.sigma_ca)) == 1 else 3,
-        medulla=scattered or (fibre.kappa > 0.0 and absorbs),
+        medulla=scattered
+        or (fibre.kappa > 0.0 and (absorbs or any(s > 0.0 for s in fibre.sigma_ca))),
         scattered=scattered,
         profile_channels=0 if not (scattered and absorbs) else 1 if grey_medulla else 3,
         layered=fibre.layers != 0.5,

@@ -66,7 +66,7 @@ def _is_grey(scene: Scene, environment: Environment) -> bool:
 def _parts(features: Features) -> dict[str, tuple[bool, str]]:
     """Feature -> whether a build has it, and why it might not."""
     return {
-        "medulla": (features.medulla, "kappa is 0, or the medulla neither absorbs nor scatters"),
+        "medulla": (features.medulla, "kappa is 0, or nothing absorbs or scatters"),
         "scattered": (features.scattered, "kappa or sigma_ms is 0: lobes TTs and TRTs, profiles"),
         "profile_channels": (features.profile_channels > 0, "sigma_ma is 0: no medulla absorption"),
         "layered": (features.layered, "layers is 1/2: the cuticle is a plain interface"),
