@@ -116,7 +116,7 @@ def test_other_strands_are_hit_from_the_start(device, rng):
     n = 100
     origins = np.zeros((n, 3), np.float32)
     origins[:, 0] = rng.uniform(0.1, 0.9, n)
-    d = np.tile(np.float32([0, 1, 0]), (n, 1))
+    d = np.tile(np.array([0, 1, 0], np.float32), (n, 1))
     rays = origins, d, np.zeros(n, np.uint32), np.full(n, 0.2, np.float32)
     t, segment, _ = hits_again(device, curves, rays)
     assert (segment == 2).all()
@@ -127,10 +127,10 @@ def test_the_own_strand_is_hit_beyond_the_skipped_distance(device):
     """A hairpin: the way back is another part of the strand, three diameters away."""
     curves = strands(np.array([[[0, 0, 0], [1, 0, 0], [1, 0.3, 0], [0, 0.3, 0]]], float), 0.05)
     rays = (
-        np.float32([[0.2, 0, 0]]),
-        np.float32([[0, 1, 0]]),
-        np.uint32([0]),
-        np.float32([0.2]),
+        np.array([[0.2, 0, 0]], np.float32),
+        np.array([[0, 1, 0]], np.float32),
+        np.array([0], np.uint32),
+        np.array([0.2], np.float32),
     )
     t, segment, _ = hits_again(device, curves, rays)
     assert segment[0] == 2

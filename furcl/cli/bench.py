@@ -60,6 +60,31 @@ def stages(
     print(f"{results['mrays_s']:.3f} M rays/s; kernels are busy {results['busy']:.1%} of the time")
 
 
+@app.command()
+def intersect(
+    groom: Annotated[
+        str, typer.Argument(help="A groom file, a scene, or hair:N, fur:N for N segments.")
+    ],
+    out: Out,
+    device: DeviceName = None,
+    size: Annotated[int, typer.Option(help="Width and height of the primary rays [px].")] = 512,
+    rounds: Annotated[int, typer.Option(help="Times that both are measured.")] = 5,
+) -> None:
+    """Trace rays beside Embree: speed, ratio and differences."""
+    from furcl.bench import intersect as bench
+
+    name = str(scene_path(groom)) if ":" not in groom else groom
+    results = bench.run(name, out, device=device, size=size, rounds=rounds)
+    print(
+        f"{results['segments']} segments, {results['bytes_per_segment']:.1f} bytes each; built in "
+        f"{results['build_seconds']:.2f} s (Embree {results['embree_build_seconds']:.2f} s)"
+    )
+    keys = ["kind", "n", "hit", "mrays_s", "embree_mrays_s", "ratio", "cpu_ratio", "disagreements"]
+    columns = ["rays", "number", "hit", "M/s", "Embree M/s", "ratio", "CPU ratio", "disagree"]
+    rows = [[row[key] for key in keys] for row in results["rays"]]
+    print_table(columns, [[*row[:-1], f"{row[-1]:.0e}"] for row in rows])
+
+
 app.command()(convergence)
 app.command()(stability)
 app.command()(replay)

@@ -1,0 +1,168 @@
+"""`furcl bench intersect`: rays a second, furcl beside Embree on the same rays."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furcl.bench.ray_sets import RaySet, ray_sets
+from furcl.bench.record import circumstances, write_json
+from furcl.bvh import build_bvh
+from furcl.camera import Camera
+from furcl.curves import Curves
+from furcl.device import Device, open_device
+from furcl.embree_oracle import EmbreeScene
+from furcl.errors import GroomError
+from furcl.groom_io import load_curves
+from furcl.layout import NO_SEGMENT
+from furcl.procedural import GENERATORS
+from furcl.rays import Rays, Tracer
+from furcl.scene_io import load_scene
+
+# Distances that differ by no more than this part are one hit (joints are hit twice at one place).
+TOLERANCE = 1e-4
+
+# Strands of these have so many points, and radii such that any number of them covers the same.
+GENERATED = {"hair": (16, 0.18), "fur": (8, 0.47)}
+
+
+def groom_and_camera(name: str) -> tuple[Curves, Camera]:
+    """The groom that a name stands for, and a camera that sees it.
+
+    name is a scene (.toml), a groom file, or `hair:N` or `fur:N`: about N generated segments.
+
+    Raises
+    ------
+    SceneError, GroomError      if the file cannot be used or the name says nothing
+    """
+    if name.endswith(".toml"):
+        scene = load_scene(name)
+        curves = scene.build_curves()
+        return curves, scene.resolved_camera(curves)
+    generator, colon, count = name.partition(":")
+    if colon and generator in GENERATED:
+        if not count.isdecimal():
+            raise GroomError(
+                f"{name}: {count!r} is not a number of segments; try {generator}:1000000"
+            )
+        n_points, radius = GENERATED[generator]
+        n_strands = max(1, int(count) // (n_points - 1))
+        curves = GENERATORS[generator](
+            n_strands=n_strands, n_points=n_points, radius=radius / np.sqrt(n_strands)
+        )
+    else:
+        curves = load_curves(name)
+    return curves, Camera().resolved(curves.points, 1.0, float(curves.radii.max()))
+
+
+def run(
+    groom: str,
+    out: str | os.PathLike[str],
+    *,
+    device: str | Device | None = None,
+    size: int = 512,
+    rounds: int = 5,
+    seed: int = 1,
+) -> dict[str, Any]:
+    """Trace the same rays by furcl and by Embree (flat linear curves, all cores), in turns.
+
+    Parameters
+    ----------
+    groom : str         see groom_and_camera
+    out : path          folder for results.json
+    size : int          width and height of the picture that the primary rays make [px]
+    rounds : int        times that both are measured, furcl and Embree alternately
+
+    Returns
+    -------
+    dict    `rays`: per kind of ray the number, the share that hits, million rays a second of both
+            (medians), `ratio` (median of the rounds' ratios), `cpu_ratio` (of processor seconds:
+            steadier on a machine that others use; None on GPUs) and `disagreements`, the share of
+            rays on which the two find different things; sizes and build times
+
+    Raises
+    ------
+    SceneError, GroomError, DeviceError, BvhError, KernelBuildError, ResourceError
+    """
+    opened = device if isinstance(device, Device) else open_device(device)
+    curves, camera = groom_and_camera(groom)
+    build_bvh(GENERATORS["fibre"]())  # compiles the builder, or loads what was compiled
+    bvh = build_bvh(curves)
+    start = time.perf_counter()
+    scene = EmbreeScene(curves)
+    embree_seconds = time.perf_counter() - start
+    tracer = Tracer(opened, bvh)
+    results = {
+        **circumstances(opened),
+        "groom": groom,
+        "strands": curves.n_strands,
+        "segments": curves.n_segments,
+        "bytes_per_segment": bvh.n_bytes / curves.n_segments,
+        "build_seconds": bvh.build_seconds,
+        "embree_build_seconds": embree_seconds,
+        "rounds": rounds,
+        "rays": [
+            _measure(tracer, scene, rays, rounds)
+            for rays in ray_sets(curves, camera, size, scene, seed)
+        ],
+    }
+    write_json(results, Path(out) / "results.json")
+    return results
+
+
+def _measure(tracer: Tracer, scene: EmbreeScene, rays: RaySet, rounds: int) -> dict[str, Any]:
+    on_device = Rays(
+        tracer.memory, rays.origins[:, :3], rays.directions[:, :3], rays.directions[:, 3]
+    )
+    if rays.any_hit:
+        ours, theirs = tracer.shadow, scene.occluded
+        found = {"ours": tracer.occluded, "theirs": scene.occluded}
+    else:
+        ours, theirs = tracer.closest, scene.intersect
+        found = {"ours": tracer.hits, "theirs": scene.intersect}
+    ours(on_device).wait()
+    mine = found["ours"](on_device)
+    other = found["theirs"](rays.origins, rays.directions)
+    times = np.array(
+        [
+            (
+                *_timed(lambda: ours(on_device).wait()),
+                *_timed(lambda: theirs(rays.origins, rays.directions)),
+            )
+            for _ in range(rounds)
+        ]
+    )
+    n = on_device.n
+    wall, cpu, embree_wall, embree_cpu = times.T
+    return {
+        "kind": rays.name,
+        "n": n,
+        "hit": float(np.mean(mine if rays.any_hit else mine[1] != NO_SEGMENT)),
+        "mrays_s": n / float(np.median(wall)) / 1e6,
+        "embree_mrays_s": n / float(np.median(embree_wall)) / 1e6,
+        "ratio": float(np.median(embree_wall / wall)),
+        "cpu_ratio": float(np.median(embree_cpu / cpu)) if tracer.device.is_cpu else None,
+        "disagreements": _disagreements(mine, other, rays.any_hit),
+    }
+
+
+def _timed(action: Callable[[], Any]) -> tuple[float, float]:
+    """Wall and processor seconds of an action."""
+    start, start_cpu = time.perf_counter(), time.process_time()
+    action()
+    return time.perf_counter() - start, time.process_time() - start_cpu
+
+
+def _disagreements(ours, theirs, any_hit: bool) -> float:
+    """Share of rays with another verdict, or neither the same segment nor the same distance."""
+    if any_hit:
+        return float(np.mean(ours != theirs))
+    (t, segment, _), (t_embree, segment_embree, _) = ours, theirs
+    both = (segment != NO_SEGMENT) & (segment_embree != NO_SEGMENT)
+    near = both & (np.abs(t - t_embree) <= TOLERANCE * np.abs(t_embree))
+    return float(np.mean(~((segment == segment_embree) | near)))

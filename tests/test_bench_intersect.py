@@ -1,0 +1,67 @@
+"""`furcl bench intersect` on small grooms: it runs, agrees with Embree and says who measured."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from furcl.bench import intersect
+from furcl.bench.ray_sets import ray_sets
+from furcl.embree_oracle import EmbreeScene
+from furcl.errors import GroomError
+
+
+def test_bench_measures_four_kinds_of_rays(device, tmp_path):
+    results = intersect.run("fur:7000", tmp_path, device=device, size=64, rounds=1)
+    assert json.loads((tmp_path / "results.json").read_text()) == results
+    assert [row["kind"] for row in results["rays"]] == ["primary", "bounce1", "bounce4", "shadow"]
+    for row in results["rays"]:
+        assert row["disagreements"] < 1e-3
+        assert 0.01 < row["hit"] < 0.99
+        assert row["mrays_s"] > 0.0
+        assert row["ratio"] == pytest.approx(row["mrays_s"] / row["embree_mrays_s"])
+    assert results["segments"] == 7000
+    assert results["device"]["driver"] == device.driver_version
+
+
+def test_disagreements_are_seen():
+    t = np.array([1.0, 2.0, 3.0, 4.0])
+    segment = np.array([1, 2, 3, 0xFFFFFFFF], np.uint32)
+    ours = t, segment, t
+    theirs = t * [1.0, 1.0 + 2e-4, 1.0 + 5e-5, 1.0], np.array([7, 7, 7, 3], np.uint32), t
+    assert intersect._disagreements(ours, ours, False) == 0.0
+    assert intersect._disagreements(ours, theirs, False) == 0.5
+    assert intersect._disagreements(np.array([True, False]), np.array([True, True]), True) == 0.5
+
+
+@pytest.mark.parametrize("name", ["hair:15000", "fur:7000", "hair:1"])
+def test_generated_grooms_have_the_size_asked_for(name):
+    curves, camera = intersect.groom_and_camera(name)
+    wanted = int(name.partition(":")[2])
+    assert wanted - 15 < curves.n_segments < wanted + 15
+    assert camera.origin is not None
+
+
+def test_a_wrong_size_is_refused():
+    with pytest.raises(GroomError, match="'many' is not a number of segments"):
+        intersect.groom_and_camera("hair:many")
+
+
+def test_rays_are_tiled_and_shuffled():
+    curves, camera = intersect.groom_and_camera("fur:7000")
+    sets = {rays.name: rays for rays in ray_sets(curves, camera, 64, EmbreeScene(curves), 1)}
+    step = {
+        name: np.linalg.norm(np.diff(rays.directions[:, :3], axis=0), axis=1).mean()
+        for name, rays in sets.items()
+    }
+    assert step["primary"] < 0.1 < step["bounce1"]
+    near = {
+        name: np.linalg.norm(np.diff(sets[name].origins[:, :3], axis=0), axis=1).mean()
+        for name in ("bounce1", "bounce4")
+    }
+    assert near["bounce1"] < 0.5 * near["bounce4"]
+    for rays in sets.values():
+        length = np.linalg.norm(rays.directions[:, :3], axis=1)
+        assert np.abs(length - 1.0).max() < 1e-6
