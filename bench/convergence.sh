@@ -19,10 +19,11 @@ $bin/furcl bench convergence black_hair "${options[@]}" "${small[@]}" -o $out/bl
 $bin/furcl bench convergence black_hair "${options[@]}" "${small[@]}" -o $out/black-hair-back-light \
     --set environment.sun_azimuth_deg=-155 --set environment.sun_scale=3
 
-# One fibre in even light: nothing hides the light, what is left is the spread of the weights.
+# One fibre that fills the picture in even light: nothing hides the light, what is left is the
+# spread of the weights.
 for fibre in human-black human-white raccoon; do
     $bin/furcl bench convergence single_fibre "${options[@]}" -o "$out/single-fibre-$fibre" \
-        --size 32x32 --spp 16,32,64,128 --reference-spp 2048 --set fibre.preset=$fibre
+        --size 32x32 --spp 16,32,64,128 --set camera.vfov_deg=2 --set fibre.preset=$fibre
 done
 
 $bin/python bench/results_tables.py docs/results.md
