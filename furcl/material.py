@@ -107,7 +107,7 @@ def build_material(
         profiles = None
     elif profiles is None:
         profiles = build_profiles(device, fibre)
-    packed = _pack(profiles, features) if profiles else _empty_profiles(features)
+    packed = profiles.pack(features.profile_channels) if profiles else _empty_profiles(features)
     bins = None
     if drop_lobes or features.sampler.needs_tables:
         bins = _attenuation_bins(Memory(device), params, features, packed)
@@ -128,36 +128,13 @@ def build_material(
     )
 
 
-def _pack(profiles: MedullaProfiles, features: Features) -> np.ndarray:
-    """The profiles' blocks with as many channels of absorption as the kernels read."""
-    channels = features.profile_channels
-    if channels == profiles.channels:
-        return profiles.pack()
-    azimuth, longitudinal = profiles.azimuth, profiles.longitudinal
-    shape = (*azimuth.density.shape, channels)
-    one = np.ones(1, np.float32)
-    absorption = np.broadcast_to(one if azimuth.absorption is None else azimuth.absorption, shape)
-    escape = np.broadcast_to(
-        one if profiles.escape is None else profiles.escape, (*shape[:2], channels)
-    )
-    blocks = (
-        azimuth.density,
-        azimuth.cdf,
-        absorption,
-        escape,
-        longitudinal.density,
-        longitudinal.cdf,
-    )
-    return np.concatenate([block.ravel() for block in blocks])
-
-
 def _empty_profiles(features: Features) -> np.ndarray:
     """Zeros where kernels with scattered lobes run on a fibre that has none; else nothing."""
     if not features.scattered:
         return np.zeros(0, np.float32)
     rows = layout.PROFILE_TAUS * layout.PROFILE_OFFSETS
     azimuth = rows * (
-        layout.PROFILE_PHIS * (2 + features.profile_channels) + features.profile_channels
+        layout.PROFILE_PHIS * (1 + features.profile_channels) + features.profile_channels
     )
     return np.zeros(azimuth + 4 * layout.PROFILE_THETAS * layout.PROFILE_SINES, np.float32)
 

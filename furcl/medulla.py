@@ -107,11 +107,21 @@ class MedullaProfiles:
         """Channels of absorption: 0, 1 or 3."""
         return 0 if self.escape is None else self.escape.shape[-1]
 
-    def pack(self) -> np.ndarray:
-        """The float32 blocks of kernels/include/profiles.clh, one after the other."""
-        blocks = [self.azimuth.density, self.azimuth.cdf]
-        if self.azimuth.absorption is not None and self.escape is not None:
-            blocks += [self.azimuth.absorption, self.escape]
+    def pack(self, channels: int | None = None) -> np.ndarray:
+        """The float32 blocks of kernels/include/profiles.clh, one after the other.
+
+        `channels` of absorption (default: those there are) may be more than the material needs.
+        """
+        channels = self.channels if channels is None else channels
+        blocks = [self.azimuth.cdf]
+        if channels:
+            shape = (*self.azimuth.cdf.shape, channels)
+            one = np.ones(1, np.float32)
+            absorption, escape = self.azimuth.absorption, self.escape
+            blocks += [
+                np.broadcast_to(one if absorption is None else absorption, shape),
+                np.broadcast_to(one if escape is None else escape, (*shape[:2], channels)),
+            ]
         blocks += [self.longitudinal.density, self.longitudinal.cdf]
         return np.concatenate([block.ravel() for block in blocks])
 

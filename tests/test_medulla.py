@@ -228,7 +228,7 @@ def test_presets_meet_their_noise_and_size(device, name):
     assert profiles is not None
     assert profiles.relative_error < 0.02
     assert profiles.given_up == 0.0
-    assert profiles.pack().nbytes <= 300_000
+    assert profiles.pack(3).nbytes <= 300_000  # three channels of absorption are the most
 
 
 @pytest.mark.statistical
