@@ -101,7 +101,7 @@ class Wavefront:
         for n in (LOCAL_SIZE, self.wave_size):
             cl.enqueue_fill_buffer(self.queue, self.active_counts, np.uint32(0), 0, 4)
             self._launch("generate", n, self.state, self.active, wave, self.camera)
-            self.intersect_closest(wave, n)
+            self.intersect_closest(wave, n, 0)
             self.shade_escaped(wave, n)
             self.sample_lobe_h(wave, n, 0)
             self.shade(wave, n, 0)
@@ -116,7 +116,7 @@ class Wavefront:
         self._launch("generate", n, self.state, self.active, wave, self.camera)
         return n
 
-    def intersect_closest(self, wave: np.ndarray, active: int) -> None:
+    def intersect_closest(self, wave: np.ndarray, active: int, depth: int) -> None:
         """Find what every active path meets next: fills the hit and miss queues."""
         cl.enqueue_fill_buffer(self.queue, self.counts, np.uint32(0), 0, 4 * layout.N_COUNTS)
         self._launch(
@@ -129,6 +129,7 @@ class Wavefront:
             self.active_counts,
             self.counts,
             wave["n_slots"],
+            rays.SCATTERED if depth else rays.COHERENT,
             self.body,
             *self.geometry,
         )
@@ -186,6 +187,7 @@ class Wavefront:
                 self.shadows,
                 self.counts,
                 wave["n_slots"],
+                rays.SCATTERED,
                 self.body,
                 *self.geometry,
             )
