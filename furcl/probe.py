@@ -8,7 +8,7 @@ import pyopencl as cl
 from furcl import program
 from furcl.buffers import Memory
 from furcl.device import Device, open_device
-from furcl.features import LOBES
+from furcl.features import LOBES, Features
 from furcl.fibre import Fibre
 from furcl.material import LOCAL_SIZE, build_material, fibre_features
 from furcl.medulla import MedullaProfiles
@@ -29,6 +29,7 @@ class Probe:
     residual : bool             with the lobe TRRT+ as a sixth
     channels : int or None      force 3 channels for a grey fibre
     profiles : MedullaProfiles or None      used instead of those that the fibre's medulla has
+    features : Features or None             compile for these instead of what the fibre needs
 
     Raises
     ------
@@ -44,10 +45,12 @@ class Probe:
         residual: bool = False,
         channels: int | None = None,
         profiles: MedullaProfiles | None = None,
+        features: Features | None = None,
     ) -> None:
         self.fibre = fibre
         self.device = device if isinstance(device, Device) else open_device(device)
-        features = fibre_features(fibre, sampling=sampling, residual=residual)
+        if features is None:
+            features = fibre_features(fibre, sampling=sampling, residual=residual)
         self.features = features if channels is None else features.with_(channels=channels)
         self.memory = Memory(self.device)
         self.material = build_material(self.memory, fibre, self.features, profiles=profiles)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import json
 from dataclasses import dataclass, field
 from typing import Any
@@ -94,8 +95,15 @@ def random_profiles(channels: int, seed: int = 1) -> MedullaProfiles:
     phi = shares(layout.PROFILE_TAUS, layout.PROFILE_OFFSETS, layout.PROFILE_PHIS)
     sine = shares(layout.PROFILE_THETAS, 2, layout.PROFILE_SINES)
     absorption = rng.uniform(0.0, 1.0, (*phi.shape, max(channels, 1))).astype(np.float32)
-    escape = (phi[..., None] * absorption).sum(2).astype(np.float32)
-    density = (phi * layout.PROFILE_PHIS / (2.0 * np.pi)).astype(np.float32)
+    escape = (
+        (np.diff(cdf(phi), prepend=np.float32(0.0))[..., None] * absorption)
+        .sum(2)
+        .astype(np.float32)
+    )
+    # The kernels read the differences of the float32 CDF.
+    density = np.diff(cdf(phi), prepend=np.float32(0.0)) * np.float32(
+        layout.PROFILE_PHIS / (2.0 * np.pi)
+    )
     along = (sine * layout.PROFILE_SINES / 2.0).astype(np.float32)
     return MedullaProfiles(
         AzimuthProfiles(
@@ -109,13 +117,19 @@ def random_profiles(channels: int, seed: int = 1) -> MedullaProfiles:
     )
 
 
-def probe_of(fibre: Fibre, device, sampling: str = "full-cdf") -> Probe:
-    """A probe in three channels with the residual lobe and with `random_profiles`."""
-    channels = fibre_features(fibre, sampling=sampling).profile_channels
-    return Probe(
-        fibre, sampling=sampling, device=device, residual=True, channels=3,
-        profiles=random_profiles(channels),
-    )  # fmt: skip
+def probe_of(fibre: Fibre, device, sampling: str = "full-cdf", specialised: bool = True) -> Probe:
+    """A probe in three channels with the residual lobe and with `random_profiles`.
+
+    Specialised, its kernels have what the fibre needs, as those of a render do; else everything, so
+    that all fibres share one build.
+    """
+    features = fibre_features(fibre, sampling=sampling, residual=True).with_(channels=3)
+    if not specialised:
+        features = features.with_(
+            medulla=True, scattered=True, profile_channels=3, layered=True, tilt=True
+        )
+    profiles = random_profiles(features.profile_channels)
+    return Probe(fibre, device=device, features=features, profiles=profiles)
 
 
 class Comparison:
@@ -134,9 +148,9 @@ class Comparison:
         """The row of a quantity and a lobe."""
         return self.rows.setdefault((quantity, lobe), Row(quantity, lobe))
 
-    def add(self, fibre: Fibre, points: Points, seed: int) -> None:
+    def add(self, fibre: Fibre, points: Points, seed: int, specialised: bool = True) -> None:
         """Compare one fibre at some points."""
-        probe = probe_of(fibre, self.device)
+        probe = probe_of(fibre, self.device, specialised=specialised)
         self._attenuation(probe, points)
         self._evaluate(probe, points)
         self._sample(probe, points, seed)
@@ -232,10 +246,12 @@ class Comparison:
         """0.5 evaluate / pdf of what `sample` returns is its weight."""
         wi, h, weight = (x[chosen].astype(np.float64) for x in sampled)
         relative, there = np.full(len(h), np.inf), np.zeros(len(h), bool)
-        # A direction on the edge of a profile's bin has the value of either.
-        for turned in (wi, *_nearby(wi)):
-            value, pdf = (x[p].astype(np.float64) for x in probe.evaluate_lobes(
-                points.wo[chosen], turned, h))  # fmt: skip
+        # A direction or an offset on the edge of a bin has the value of either side.
+        for turned, moved in itertools.product((wi, *_nearby(wi)), (h, h * (1.0 - 2.0**-22))):
+            value, pdf = (
+                x[p].astype(np.float64)
+                for x in probe.evaluate_lobes(points.wo[chosen], turned, moved)
+            )
             # Densities that float32 rounds to nothing have no ratio.
             positive = pdf > 1e-30
             ratio = 0.5 * value / np.where(positive, pdf, 1.0)[:, None]
@@ -306,9 +322,7 @@ def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
         for h_used, theta_used in ((moved, theta), (h, tilted)):
             other = reference_attenuation(probe, h_used, theta_used)[p]
             effect = np.maximum(effect, np.abs(other - middle))
-        # The edge of the medulla is at |h'| = kappa: moving kappa is moving h' against it.
-        scaled = np.clip(h * (1.0 + way * 2.0**-23), -1.0, 1.0)
-        other = reference_attenuation(probe, scaled, theta)[p]
+        other = reference_attenuation(probe, _against_kappa(h, way), theta)[p]
         effect = np.maximum(effect, np.abs(other - middle))
     return effect
 
@@ -319,7 +333,10 @@ def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
     middle = reference_evaluate(probe, wo, wi, h, p)
     effect = np.zeros_like(middle)
     for way in (-1.0, 1.0):
-        others = [reference_evaluate(probe, wo, wi, _moved(h, way), p)]
+        others = [
+            reference_evaluate(probe, wo, wi, moved, p)
+            for moved in (_moved(h, way), _against_kappa(h, way))
+        ]
         for axis in range(3):
             for which in range(2):
                 pair = [wo.copy(), wi.copy()]
@@ -329,6 +346,12 @@ def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
         for other in others:
             effect = np.maximum(effect, np.abs(other - middle))
     return effect
+
+
+def _against_kappa(h: Array, way: float) -> Array:
+    """The edge of the medulla is at |h'| = kappa, and h' = h cos(theta) / n_t: each of the four is
+    rounded to float32. Moving h moves them all against each other."""
+    return np.clip(h * (1.0 + way * 2.0**-22), -1.0, 1.0)
 
 
 def _nearby(wi: Array) -> list[Array]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from furcl import bcsdf
+from furcl.bcsdf.angles import longitudinal
 from furcl.bench.stability_compare import Row
 from furcl.fibre import Fibre
 
@@ -15,10 +16,17 @@ DIGITS = 60
 
 _FIBRES = (
     Fibre(),
-    Fibre(eta=1.0001, layers=1e-3, sigma_ca=1e-8),
-    Fibre(eta=3.0, layers=10.0, kappa=1.0 - 1e-6, sigma_ca=50.0, sigma_ma=1.0, sigma_ms=1e-8),
-    Fibre(kappa=1e-6, sigma_ms=1e4, sigma_ma=1e4, sigma_ca=1e-3),
-    Fibre(kappa=1.0, sigma_ms=1e-3, sigma_ma=1e-8),
+    Fibre(eta=1.0001, layers=1e-3, sigma_ca=(1e-8, 1e-8, 1e-8)),
+    Fibre(
+        eta=3.0,
+        layers=10.0,
+        kappa=1.0 - 1e-6,
+        sigma_ca=(50.0,) * 3,
+        sigma_ma=(1.0,) * 3,
+        sigma_ms=1e-8,
+    ),
+    Fibre(kappa=1e-6, sigma_ms=1e4, sigma_ma=(1e4,) * 3, sigma_ca=(1e-3,) * 3),
+    Fibre(kappa=1.0, sigma_ms=1e-3, sigma_ma=(1e-8,) * 3),
 )
 _THETAS = (0.0, 1e-9, 1.0, 1.57, np.pi / 2 - 1e-9)
 _OFFSETS = (0.0, 1e-9, 0.5, 1 - 1e-9, 1.0)
@@ -78,7 +86,7 @@ def _longitudinal(mp: Any) -> Row:
             mp.csch(1 / v) / (2 * v) * mp.exp(mp.sin(mu) * s / v)
             * mp.besseli(0, mp.cos(mu) * mp.cos(mp.mpf(theta)) / v)
         )  # fmt: skip
-        got = float(bcsdf.angles.longitudinal(theta, mu, beta * beta))
+        got = float(longitudinal(theta, mu, beta * beta))
         _score(row, got, exact, f"beta {beta}, theta {theta}, mu {mu}")
     return row
 

@@ -67,10 +67,12 @@ def render_row(path: Path, device: Device, spp: int, paths: int, seed: int = 7) 
     host = HostRenderer(scene, renderer.material.profiles)
     rng = np.random.default_rng(seed)
     rows, p_values = [], []
+    assert image.variance is not None
+    variances = image.variance.astype(np.float64)
     for x, y in PIXELS:
         mean, variance = host.pixel(x, y, paths, rng)
         got = image.rgb[y, x].astype(np.float64)
-        spread = np.sqrt(variance + image.variance[y, x])
+        spread = np.sqrt(variance + variances[y, x])
         # Float32 sums are exact to about 1e-6; a white picture has no variance at all.
         z = np.maximum(np.abs(got - mean) - 2e-5 * mean, 0.0) / np.maximum(spread, 1e-30)
         p_values.append(2.0 * stats.norm.sf(z))

@@ -78,11 +78,7 @@ def _draw(parameters: list[Mapping[str, Any]]) -> str:
         )
         for quantity, colour in (("attenuation", "#0072b2"), ("evaluate", "#d55e00")):
             worst = [
-                max(
-                    p["excess"][quantity]
-                    for p in parameters
-                    if p["parameter"] == name and _label(p["value"]) == value
-                )
+                max(p["excess"][quantity] for p in mine if _label(p["value"]) == value)
                 for value in values
             ]
             ax.plot(range(len(values)), worst, "o-", ms=4, lw=1, color=colour, label=quantity)
@@ -124,16 +120,16 @@ def write_numerics(results: Mapping[str, Any], path: str | Path) -> None:
 
 def _tables(results: Mapping[str, Any]) -> str:
     device = results["device"]
-    lines = [
-        "",
+    run = (
         f"`{results['command']}`, {results['date']}, commit {results.get('git', 'unknown')}; "
         f"{device['name']}, {device['platform']}, driver {device['driver']}; "
-        f"{results['random_points']:,} random points besides the grid.",
-        "",
+        f"{results['random_points']:,} random points besides the grid."
+    )
+    head = (
         "| quantity | lobe | points | NaN, inf, < 0 | abs. error | rel. error | within the bars | "
-        "1 ulp of the inputs at the worst point | error / allowed |",
-        "|---|---|--:|--:|--:|--:|--:|--:|--:|",
-    ]
+        "1 ulp of the inputs at the worst point | error / allowed |"
+    )
+    lines = ["", run, "", head, "|---|---|--:|--:|--:|--:|--:|--:|--:|"]
     for r in results["rows"]:
         share = f"{r['within_bars'] / r['points']:.3%}" if r["within_bars"] else ""
         bad = r["nan"] + r["inf"] + r["negative"]
