@@ -69,7 +69,7 @@ def polar_figure(materials: dict[str, tuple[Fibre, MedullaProfiles | None]]) -> 
         axes.set_rgrids(decades, labels, angle=68, fontsize=8, color="0.35")  # pyright: ignore
         axes.set_thetagrids(np.arange(0, 360, 45), DIRECTIONS, fontsize=8)  # pyright: ignore
         axes.grid(lw=0.4, alpha=0.5)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure
 
 

@@ -148,7 +148,7 @@ def energies(device: Device) -> None:
 
 def dense(device: Device) -> None:
     """The cap on the optical radius of a medulla that is walked."""
-    fibre = Fibre(kappa=1.0, sigma_ms=160.0, sigma_ma=160.0 / 99.0)
+    fibre = Fibre(kappa=1.0, sigma_ms=160.0, sigma_ma=(160.0 / 99.0,) * 3)
     capped = _walked(device, fibre, medulla_walk.OPTICAL_RADIUS_CAP)
     full = _walked(device, fibre, 1e9)
     octants = [p.azimuth.density.reshape(4, 32, 8, 16).mean(-1) * 2 * np.pi for p in (capped, full)]
