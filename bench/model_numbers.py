@@ -148,7 +148,8 @@ def energies(device: Device) -> None:
 
 def dense(device: Device) -> None:
     """The cap on the optical radius of a medulla that is walked."""
-    fibre = Fibre(kappa=1.0, sigma_ms=160.0, sigma_ma=(160.0 / 99.0,) * 3)
+    a = 160.0 / 99.0  # an albedo of 0.99
+    fibre = Fibre(kappa=1.0, sigma_ms=160.0, sigma_ma=(a, a, a))
     capped = _walked(device, fibre, medulla_walk.OPTICAL_RADIUS_CAP)
     full = _walked(device, fibre, 1e9)
     octants = [p.azimuth.density.reshape(4, 32, 8, 16).mean(-1) * 2 * np.pi for p in (capped, full)]
