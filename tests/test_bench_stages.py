@@ -26,7 +26,7 @@ def results(device, tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE)
     returned = stages.run(tmp_path / "scene.toml", tmp_path / "out", device=device, spp=2)
     written = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert written == returned
+    assert written == json.loads(json.dumps(returned))
     return returned
 
 
