@@ -36,6 +36,10 @@ class KernelBuildError(FurclError):
     """A kernel that does not compile."""
 
 
+class KernelIndexError(FurclError):
+    """An index outside its buffer, found by a debug build (FURCL_DEBUG=1)."""
+
+
 class LayoutError(FurclError):
     """A struct whose layout on the device differs from the host's."""
 

@@ -22,6 +22,10 @@ BODY_SEGMENT = 0xFFFFFFFE
 COUNT_NEXT, COUNT_HITS, COUNT_MISSES, COUNT_SHADOWS = range(4)
 N_COUNTS = 4
 
+# The record of index checks, in words behind the path state (furcl/index_checks.py).
+CHECK_FAILURES, CHECK_LINE, CHECK_INDEX, CHECK_SIZE, CHECK_N_VERTICES, CHECK_FILE = range(6)
+CHECK_WORDS = 16
+
 # The tree over fibre segments (kernels/include/bvh.clh).
 BVH_BLOCK_WORDS = 32
 BVH_STACK_SIZE = 128
@@ -45,6 +49,13 @@ CONSTANTS = {
     "COUNT_HITS": COUNT_HITS,
     "COUNT_MISSES": COUNT_MISSES,
     "COUNT_SHADOWS": COUNT_SHADOWS,
+    "CHECK_FAILURES": CHECK_FAILURES,
+    "CHECK_LINE": CHECK_LINE,
+    "CHECK_INDEX": CHECK_INDEX,
+    "CHECK_SIZE": CHECK_SIZE,
+    "CHECK_N_VERTICES": CHECK_N_VERTICES,
+    "CHECK_FILE": CHECK_FILE,
+    "CHECK_FILE_BYTES": f"{4 * (CHECK_WORDS - CHECK_FILE)}u",
     "BVH_BLOCK_WORDS": BVH_BLOCK_WORDS,
     "BVH_STACK_SIZE": BVH_STACK_SIZE,
     "TABLE_ROWS": TABLE_ROWS,
@@ -211,8 +222,9 @@ def device_text(features: Features) -> str:
 
 _ACCESSORS = """\
 /* `state` holds planes of n_slots each. */
-#define PS_F(name, slot) state[(size_t)PS_##name * n_slots + (slot)]
-#define PS_U(name, slot) (((__global uint*)state)[(size_t)PS_##name * n_slots + (slot)])
+#define PS_PLACE(name, slot) ((size_t)PS_##name * n_slots + FURCL_INDEX(slot, n_slots))
+#define PS_F(name, slot) state[PS_PLACE(name, slot)]
+#define PS_U(name, slot) (((__global uint*)state)[PS_PLACE(name, slot)])
 #define PS_LOAD3(name, slot) \\
     ((float3)(PS_F(name##_X, slot), PS_F(name##_Y, slot), PS_F(name##_Z, slot)))
 #define PS_STORE3(name, slot, v) do { const float3 ps_v = (v); PS_F(name##_X, slot) = ps_v.x; \\

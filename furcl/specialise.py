@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from furcl.environment import ConstantLight, Environment
 from furcl.features import Features
 from furcl.fibre import Fibre
@@ -13,7 +15,8 @@ def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Feat
     """What the kernels of a scene need.
 
     The environment is sampled (MIS) where `light_sampling` says so, and by "auto" unless it is
-    constant: then every direction is worth the same and sampling it gains nothing.
+    constant: then every direction is worth the same and sampling it gains nothing. With
+    FURCL_DEBUG=1 in the environment kernels check their indices.
     """
     render = scene.render
     light_sampling = render.light_sampling == "mis" or (
@@ -31,6 +34,7 @@ def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Feat
         roulette=render.roulette_depth < render.max_depth,
         variance=render.variance,
         statistics=render.statistics,
+        debug=os.environ.get("FURCL_DEBUG", "0") not in ("", "0"),
     )
 
 

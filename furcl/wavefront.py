@@ -12,6 +12,7 @@ from furcl.buffers import Memory
 from furcl.device import Device
 from furcl.features import Features
 from furcl.film import Film
+from furcl.index_checks import IndexChecks
 from furcl.material import Material
 
 # One work-group size for every launch: CPU runtimes compile a kernel anew for each size.
@@ -43,6 +44,7 @@ class Wavefront:
     ------
     KernelBuildError    if a stage does not compile
     ResourceError       if the state does not fit the device
+    KernelIndexError    from every stage of a debug build that uses an index outside its buffer
     """
 
     def __init__(
@@ -78,7 +80,10 @@ class Wavefront:
             if stage != "intersect_shadow" or features.light_sampling
         }
         n_planes = len(layout.planes(features))
-        self.state = memory.allocate("path state", 4 * n_planes * wave_size)
+        n_vertices = geometry[1].size // 16
+        self.checks = IndexChecks(self.queue, features, wave_size, n_vertices)
+        self.state = memory.allocate("path state", 4 * n_planes * wave_size + self.checks.n_bytes)
+        self.checks.clear(self.state)
         self.active, self.next, self.hits, self.misses, self.shadows = (
             memory.allocate(f"queue {name}", 4 * wave_size)
             for name in ("active", "next", "hits", "misses", "shadows")
@@ -227,3 +232,4 @@ class Wavefront:
         event = self._kernels[stage](self.queue, size, local, *arguments)
         if self.keep_events:
             self.events[stage].append(event)
+        self.checks.check(self.state, stage)

@@ -30,7 +30,7 @@ __kernel void add_to_film(
     const uint n_pixels = wave.width * wave.height;
     if (first >= min(wave.n_paths, n_pixels)) return;
     const uint n_slots = wave.n_slots;
-    const uint pixel = pixel_of_slot(&wave, first).index;
+    const uint pixel = FURCL_INDEX(pixel_of_slot(&wave, first).index, n_pixels);
     for (uint slot = first; slot < wave.n_paths; slot += n_pixels) {
         const Spectrum radiance = PS_LOAD_SPECTRUM(RADIANCE, slot);
         if (!spectrum_is_finite(radiance)) atomic_inc(nonfinite);

@@ -23,5 +23,5 @@ __kernel void generate(
 #if FURCL_LIGHT_SAMPLING
     PS_F(DIR_PDF, slot) = 0.0f;
 #endif
-    queue[slot] = slot;
+    FURCL_AT(queue, slot, n_slots) = slot;
 }

@@ -26,20 +26,20 @@ __kernel VECTOR_HINT void intersect_closest(
 #define STORE_DISTANCE(slot, hit)
 #endif
 #define LOAD_PATH(i, query, hit) { \
-    const uint slot = queue[i]; \
+    const uint slot = FURCL_AT(queue, i, n_slots); \
     query = (Query){PS_LOAD3(ORIGIN, slot), PS_LOAD3(DIR, slot), PS_F(SKIP_DISTANCE, slot), \
                     PS_U(SKIP_SEGMENT, slot)}; \
     hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT}; \
     MEET_BODY(query, hit) }
 #define STORE_PATH(i, hit) { \
-    const uint slot = queue[i]; \
+    const uint slot = FURCL_AT(queue, i, n_slots); \
     STORE_DISTANCE(slot, hit) \
     PS_F(HIT_U, slot) = (hit).u; \
     PS_U(HIT_SEGMENT, slot) = (hit).segment; \
     if ((hit).segment == FURCL_NO_SEGMENT) \
-        miss_queue[atomic_inc(counts + FURCL_COUNT_MISSES)] = slot; \
+        FURCL_AT(miss_queue, atomic_inc(counts + FURCL_COUNT_MISSES), n_slots) = slot; \
     else \
-        hit_queue[atomic_inc(counts + FURCL_COUNT_HITS)] = slot; }
+        FURCL_AT(hit_queue, atomic_inc(counts + FURCL_COUNT_HITS), n_slots) = slot; }
 
     TRACE_RAYS(active_counts[FURCL_COUNT_NEXT], in_flight, false, LOAD_PATH, STORE_PATH);
 }
@@ -62,13 +62,13 @@ __kernel VECTOR_HINT void intersect_shadow(
 #define MEET_BODY_FIRST(query, hit)
 #endif
 #define LOAD_SHADOW(i, query, hit) { \
-    const uint slot = shadow_queue[i]; \
+    const uint slot = FURCL_AT(shadow_queue, i, n_slots); \
     query = (Query){PS_LOAD3(ORIGIN, slot), PS_LOAD3(SHADOW_DIR, slot), \
                     PS_F(SHADOW_SKIP_DISTANCE, slot), PS_U(SKIP_SEGMENT, slot)}; \
     hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT}; \
     MEET_BODY_FIRST(query, hit) }
 #define STORE_SHADOW(i, hit) { \
-    const uint slot = shadow_queue[i]; \
+    const uint slot = FURCL_AT(shadow_queue, i, n_slots); \
     if ((hit).segment == FURCL_NO_SEGMENT) \
         PS_STORE_SPECTRUM(RADIANCE, slot, \
             PS_LOAD_SPECTRUM(RADIANCE, slot) + PS_LOAD_SPECTRUM(SHADOW_RADIANCE, slot)); }

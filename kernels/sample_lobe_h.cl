@@ -16,12 +16,13 @@ __kernel void sample_lobe_h(
     const uint i = get_global_id(0);
     if (i >= counts[FURCL_COUNT_HITS]) return;
     const uint n_slots = wave.n_slots;
-    const uint slot = hit_queue[i];
+    const uint slot = FURCL_AT(hit_queue, i, n_slots);
     const uint segment = PS_U(HIT_SEGMENT, slot);
 #if FURCL_BODY
     if (segment == FURCL_BODY_SEGMENT) return;
 #endif
-    const float3 along = vertices[segment + 1].xyz - vertices[segment].xyz;
+    const float3 along = FURCL_AT(vertices, segment + 1, FURCL_N_VERTICES).xyz -
+        FURCL_AT(vertices, segment, FURCL_N_VERTICES).xyz;
     const FibreFrame frame = fibre_frame(along, -PS_LOAD3(DIR, slot));
     const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
     const PixelSample p = pixel_of_slot(&wave, slot);

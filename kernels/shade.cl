@@ -18,7 +18,7 @@ __kernel void shade_escaped(
     const uint i = get_global_id(0);
     if (i >= counts[FURCL_COUNT_MISSES]) return;
     const uint n_slots = wave.n_slots;
-    const uint slot = miss_queue[i];
+    const uint slot = FURCL_AT(miss_queue, i, n_slots);
     const float3 direction = PS_LOAD3(DIR, slot);
     Spectrum radiance = spectrum_from3(environment_radiance(environment, direction));
 #if FURCL_LIGHT_SAMPLING
@@ -58,7 +58,8 @@ static inline Bounce scatter_at_fibre(
 {
     Bounce bounce;
     const uint segment = PS_U(HIT_SEGMENT, slot);
-    const float4 root = vertices[segment], tip = vertices[segment + 1];
+    const float4 root = FURCL_AT(vertices, segment, FURCL_N_VERTICES);
+    const float4 tip = FURCL_AT(vertices, segment + 1, FURCL_N_VERTICES);
     const FibreFrame frame = fibre_frame(tip.xyz - root.xyz, -PS_LOAD3(DIR, slot));
     const Incidence in = incidence_at(fibre, frame.sin_theta, frame.cos_theta);
     const uint lobe = PS_U(LOBE, slot);
@@ -149,7 +150,7 @@ __kernel void shade(
     const uint i = get_global_id(0);
     if (i >= counts[FURCL_COUNT_HITS]) return;
     const uint n_slots = wave.n_slots;
-    const uint slot = hit_queue[i];
+    const uint slot = FURCL_AT(hit_queue, i, n_slots);
     const PixelSample pixel = pixel_of_slot(&wave, slot);
     const uint first = bounce_dimension(depth, 0u);
     const float4 u = uniform4(wave.seed, pixel.index, pixel.sample, first + DIM_DIRECTION);
@@ -181,7 +182,7 @@ __kernel void shade(
         PS_STORE3(SHADOW_DIR, slot, bounce.light_direction);
         PS_F(SHADOW_SKIP_DISTANCE, slot) = bounce.light_skip_distance;
         PS_STORE_SPECTRUM(SHADOW_RADIANCE, slot, light);
-        shadow_queue[atomic_inc(counts + FURCL_COUNT_SHADOWS)] = slot;
+        FURCL_AT(shadow_queue, atomic_inc(counts + FURCL_COUNT_SHADOWS), n_slots) = slot;
     }
 #endif
     const float largest = spectrum_max(throughput);
@@ -199,5 +200,5 @@ __kernel void shade(
 #if FURCL_LIGHT_SAMPLING
     PS_F(DIR_PDF, slot) = bounce.pdf;
 #endif
-    next_queue[atomic_inc(counts + FURCL_COUNT_NEXT)] = slot;
+    FURCL_AT(next_queue, atomic_inc(counts + FURCL_COUNT_NEXT), n_slots) = slot;
 }
