@@ -69,10 +69,9 @@ class HostRenderer:
             )
             skip = self._segments.strand[segment[hit]]
             throughput = throughput * weight
-            on = throughput.max(-1) > 0.0
-            alive, throughput, origin, direction, skip, skip_distance = (
-                a[on] for a in (alive, throughput, origin, direction, skip, skip_distance)
-            )
+            on = np.flatnonzero(throughput.max(-1) > 0.0)
+            alive, skip, skip_distance = alive[on], skip[on], skip_distance[on]
+            throughput, origin, direction = throughput[on], origin[on], direction[on]
             if not len(alive):
                 break
         return radiance.mean(0), radiance.var(0, ddof=1) / paths

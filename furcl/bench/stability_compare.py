@@ -341,7 +341,7 @@ def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
             for which in range(2):
                 pair = [wo.copy(), wi.copy()]
                 pair[which][:, axis] = _moved(pair[which][:, axis], way)
-                others.append(reference_evaluate(probe, *pair, h, p))
+                others.append(reference_evaluate(probe, pair[0], pair[1], h, p))
         others += [reference_evaluate(probe, wo, turned, h, p) for turned in _nearby(wi)]
         for other in others:
             effect = np.maximum(effect, np.abs(other - middle))

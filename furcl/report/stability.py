@@ -73,9 +73,8 @@ def _draw(parameters: list[Mapping[str, Any]]) -> str:
     figure = Figure(figsize=(11, 5.5), layout="constrained")
     axes = figure.subplots(2, -(-len(names) // 2), sharey=True).ravel()
     for ax, name in zip(axes, names, strict=False):
-        values = list(
-            dict.fromkeys(_label(p["value"]) for p in parameters if p["parameter"] == name)
-        )
+        mine = [p for p in parameters if p["parameter"] == name]
+        values = list(dict.fromkeys(_label(p["value"]) for p in mine))
         for quantity, colour in (("attenuation", "#0072b2"), ("evaluate", "#d55e00")):
             worst = [
                 max(p["excess"][quantity] for p in mine if _label(p["value"]) == value)
