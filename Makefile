@@ -1,7 +1,7 @@
 # make demo | test | lint | types | imports | lock | clean. Each sets up what it needs in .venv.
 VENV := .venv
 BIN := $(VENV)/bin
-DEMO := --size 384x384 --spp 64 --time-limit 50
+DEMO := --size 384x384 --spp 32 --time-limit 50
 
 .PHONY: demo test lint types imports lock clean setup
 .DEFAULT_GOAL := demo

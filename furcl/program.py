@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pyopencl as cl
 
-from furcl import layout
+from furcl import kernel_cache, layout
 from furcl.device import Device
 from furcl.errors import KernelBuildError
 from furcl.features import Features
@@ -99,8 +99,9 @@ def build(
 ) -> cl.Program:
     """Build kernels/`name` for `features` on a device.
 
-    The same text on the same device is built once a process. Between processes the runtime's own
-    cache serves, keyed by the whole text. FURCL_DUMP=DIR writes each text there.
+    The same text on the same device is built once a process. Between processes a cache serves,
+    keyed by the whole text: the runtime's own or furcl.kernel_cache. FURCL_DUMP=DIR writes each
+    text there.
 
     Raises
     ------
@@ -117,10 +118,14 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
         Path(dump).mkdir(parents=True, exist_ok=True)
         (Path(dump) / f"{name}.{key}.cl").write_text(text)
     start = time.perf_counter()
+    path = kernel_cache.binary_path(device, text, OPTIONS)
     try:
         with warnings.catch_warnings():  # Intel's compiler says "done" and pyopencl warns of it
             warnings.simplefilter("ignore", cl.CompilerWarning)
-            program = cl.Program(device.context, text).build(list(OPTIONS), cache_dir=False)
+            program = kernel_cache.load(device, path, OPTIONS)
+            if program is None:
+                program = cl.Program(device.context, text).build(list(OPTIONS), cache_dir=False)
+                kernel_cache.store(program, path)
     except cl.Error as error:
         raise KernelBuildError(
             f"{name} does not compile on {device.name} ({device.platform}) with {features}; "

@@ -1,0 +1,68 @@
+"""Built kernels kept on disk, for runtimes that keep none themselves.
+
+PoCL has a cache of its own, keyed by the text that it is given, and compiles everything twice when
+it is asked for binaries; there this one stays out of the way.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import pyopencl as cl
+
+from furcl.device import Device
+from furcl.files import atomic_path
+from furcl.paths import cache_folder
+
+log = logging.getLogger(__name__)
+
+DIGEST_BYTES = hashlib.sha256().digest_size
+OWN_CACHE_PLATFORMS = ("Portable Computing Language",)
+
+
+def cache_key(device: Device, text: str, options: Sequence[str]) -> str:
+    """What decides a binary: text with its defines and includes, device, driver and options."""
+    parts = (text, device.name, device.platform, device.driver_version, *options)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
+
+
+def binary_path(device: Device, text: str, options: Sequence[str]) -> Path | None:
+    """Where the binary of a text is or would be; None where the runtime has its own cache."""
+    if device.platform.startswith(OWN_CACHE_PLATFORMS):
+        return None
+    return cache_folder() / "kernels" / f"{cache_key(device, text, options)}.bin"
+
+
+def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Program | None:
+    """The program of a cached binary; None if there is none that the runtime takes.
+
+    Runtimes may crash on a damaged binary, so it is checked against its digest first.
+    """
+    if path is None or not path.is_file():
+        return None
+    try:
+        content = path.read_bytes()
+        digest, binary = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
+        if hashlib.sha256(binary).digest() != digest:
+            log.warning("%s: damaged; building again", path)
+            return None
+        return cl.Program(device.context, [device.cl_device], [binary]).build(list(options))
+    except (OSError, cl.Error) as error:
+        log.warning("%s: not usable (%s); building again", path, error)
+        return None
+
+
+def store(program: cl.Program, path: Path | None) -> None:
+    """Keep the binary of a program; a folder that cannot be written to is no error."""
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        (binary,) = program.get_info(cl.program_info.BINARIES)
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(hashlib.sha256(binary).digest() + binary)
+    except (OSError, cl.Error) as error:
+        log.info("%s: kernels are not cached: %s", path, error)
