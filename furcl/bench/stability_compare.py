@@ -247,7 +247,9 @@ class Comparison:
         wi, h, weight = (x[chosen].astype(np.float64) for x in sampled)
         relative, there = np.full(len(h), np.inf), np.zeros(len(h), bool)
         # A direction or an offset on the edge of a bin has the value of either side.
-        for turned, moved in itertools.product((wi, *_nearby(wi)), (h, h * (1.0 - 2.0**-22))):
+        for turned, moved in itertools.product(
+            (wi, *_nearby(wi)), (h, _rescaled(h, -1.0), _rescaled(h, 1.0))
+        ):
             value, pdf = (
                 x[p].astype(np.float64)
                 for x in probe.evaluate_lobes(points.wo[chosen], turned, moved)
@@ -322,7 +324,7 @@ def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
         for h_used, theta_used in ((moved, theta), (h, tilted)):
             other = reference_attenuation(probe, h_used, theta_used)[p]
             effect = np.maximum(effect, np.abs(other - middle))
-        other = reference_attenuation(probe, _against_kappa(h, way), theta)[p]
+        other = reference_attenuation(probe, _rescaled(h, way), theta)[p]
         effect = np.maximum(effect, np.abs(other - middle))
     return effect
 
@@ -335,7 +337,7 @@ def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
     for way in (-1.0, 1.0):
         others = [
             reference_evaluate(probe, wo, wi, moved, p)
-            for moved in (_moved(h, way), _against_kappa(h, way))
+            for moved in (_moved(h, way), _rescaled(h, way))
         ]
         for axis in range(3):
             for which in range(2):
@@ -348,9 +350,9 @@ def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
     return effect
 
 
-def _against_kappa(h: Array, way: float) -> Array:
-    """The edge of the medulla is at |h'| = kappa, and h' = h cos(theta) / n_t: each of the four is
-    rounded to float32. Moving h moves them all against each other."""
+def _rescaled(h: Array, way: float) -> Array:
+    """h moved by what four roundings to float32 may: the edge of the medulla is at |h'| = kappa
+    with h' = h cos(theta) / n_t, and an edge of the tables at a whole number of bins."""
     return np.clip(h * (1.0 + way * 2.0**-22), -1.0, 1.0)
 
 

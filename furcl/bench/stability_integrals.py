@@ -39,7 +39,8 @@ def integrals(device, betas: Sequence[float], thetas: Sequence[float]) -> list[R
     for beta in betas:
         for beta_m, beta_n in {(beta, beta), (beta, 0.3), (0.3, beta)}:
             fibre = Fibre(
-                kappa=0.6, sigma_ms=1.0, sigma_ma=0.1, sigma_ca=0.1, alpha_deg=5.0,
+                kappa=0.6, alpha_deg=5.0,
+                sigma_ms=1.0, sigma_ma=(0.1, 0.1, 0.1), sigma_ca=(0.1, 0.1, 0.1),
                 beta_m_deg=math.degrees(beta_m), beta_n_deg=math.degrees(beta_n),
             )  # fmt: skip
             probe = probe_of(fibre, device)
@@ -108,6 +109,8 @@ def _scattered_nodes(fibre: Fibre, p: int, theta: float) -> tuple[Array, Array, 
     n_phi, n_s = layout.PROFILE_PHIS, layout.PROFILE_SINES
     phi = (np.arange(n_phi) + 0.5) * (2.0 * np.pi / n_phi) - np.pi + turn
     s = (np.arange(n_s) + 0.5) * (2.0 / n_s) - 1.0
-    phi, s = (x.ravel() for x in np.meshgrid(phi, s))
+    grid = np.meshgrid(phi, s)
+    phi, s = grid[0].ravel(), grid[1].ravel()
     weight = np.full(s.shape, 2.0 * np.pi / n_phi * 2.0 / n_s)
-    return s, np.sqrt((1.0 - s) * (1.0 + s)), phi, weight
+    wide = np.asarray(phi, np.float64)
+    return s, np.cos(np.arcsin(s)), wide, np.asarray(weight, np.float64)

@@ -32,7 +32,7 @@ def medulla_rows(device: Device, quick: bool) -> list[Row]:
     """One row: values that are not finite or negative, and the largest error of an integral."""
     row = Row("profile", "TTs TRTs", value=1.0, reference=1.0)
     for kappa, sigma_ms, g, sigma_ma in _MEDIA[:5] if quick else _MEDIA:
-        fibre = Fibre(kappa=kappa, sigma_ms=sigma_ms, sigma_ma=sigma_ma, g=g)
+        fibre = Fibre(kappa=kappa, sigma_ms=sigma_ms, g=g).replace(sigma_ma=sigma_ma)
         profiles = build_profiles(device, fibre, photons=PHOTONS, cache=False)
         assert profiles is not None
         row.count(profiles.pack()[:, None].astype(np.float64))

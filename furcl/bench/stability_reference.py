@@ -21,12 +21,12 @@ _FIBRES = (
         eta=3.0,
         layers=10.0,
         kappa=1.0 - 1e-6,
-        sigma_ca=(50.0,) * 3,
-        sigma_ma=(1.0,) * 3,
+        sigma_ca=(50.0, 50.0, 50.0),
+        sigma_ma=(1.0, 1.0, 1.0),
         sigma_ms=1e-8,
     ),
-    Fibre(kappa=1e-6, sigma_ms=1e4, sigma_ma=(1e4,) * 3, sigma_ca=(1e-3,) * 3),
-    Fibre(kappa=1.0, sigma_ms=1e-3, sigma_ma=(1e-8,) * 3),
+    Fibre(kappa=1e-6, sigma_ms=1e4, sigma_ma=(1e4, 1e4, 1e4), sigma_ca=(1e-3, 1e-3, 1e-3)),
+    Fibre(kappa=1.0, sigma_ms=1e-3, sigma_ma=(1e-8, 1e-8, 1e-8)),
 )
 _THETAS = (0.0, 1e-9, 1.0, 1.57, np.pi / 2 - 1e-9)
 _OFFSETS = (0.0, 1e-9, 0.5, 1 - 1e-9, 1.0)
