@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import resource
 import time
@@ -21,8 +20,9 @@ from furcl.features import LOBES
 from furcl.film import Film
 from furcl.image import Image
 from furcl.material import build_material
-from furcl.scene import Scene, triple
+from furcl.scene import Scene
 from furcl.scene_io import with_overrides
+from furcl.scene_structs import body_struct, camera_struct
 from furcl.specialise import everything_on, left_out, scene_features, summary
 from furcl.version import software
 from furcl.wavefront import Wavefront
@@ -36,9 +36,6 @@ Progress = Callable[[int, int], bool | None]
 # enough that their state stays in the caches.
 WAVE_SIZE_CPU = 1 << 15
 WAVE_SIZE_GPU = 1 << 20
-
-# Where the body is that kernels with body code get for a scene without one.
-NOWHERE = 1e12
 
 
 class Renderer:
@@ -298,30 +295,3 @@ def render(
     image = renderer.image()
     image.stats["complete"] = complete
     return image
-
-
-def camera_struct(scene: Scene, curves) -> np.ndarray:
-    """The struct Camera of a scene; frames the groom where the scene leaves that open."""
-    camera = scene.resolved_camera(curves)
-    origin, right, up, forward = camera.frame()
-    height = math.tan(0.5 * math.radians(camera.vfov_deg))
-    out = np.zeros((), layout.struct_dtype("Camera"))
-    out["origin"][:3] = origin
-    out["right"][:3] = right * height * scene.film.aspect
-    out["up"][:3] = up * height
-    out["forward"][:3] = forward
-    out["aperture_radius"] = camera.aperture_radius
-    out["focus_distance"] = camera.focus_distance or 0.0
-    out["filter_radius_px"] = scene.film.support_px
-    return out
-
-
-def body_struct(scene: Scene) -> np.ndarray:
-    """The struct Body of a scene; without one a unit sphere that no ray meets."""
-    out = np.zeros((), layout.struct_dtype("Body"))
-    out["centre"][:3], out["inv_radii"][:3] = NOWHERE, 1.0
-    if scene.body is not None:
-        out["centre"][:3] = scene.body.centre
-        out["inv_radii"][:3] = np.reciprocal(np.array(scene.body.radii, np.float64))
-        out["albedo"][:3] = triple(scene.body.albedo)
-    return out
