@@ -112,5 +112,5 @@ def _scattered_nodes(fibre: Fibre, p: int, theta: float) -> tuple[Array, Array, 
     grid = np.meshgrid(phi, s)
     phi, s = grid[0].ravel(), grid[1].ravel()
     weight = np.full(s.shape, 2.0 * np.pi / n_phi * 2.0 / n_s)
-    wide = np.asarray(phi, np.float64)
-    return s, np.cos(np.arcsin(s)), wide, np.asarray(weight, np.float64)
+    nodes = np.stack([s, np.cos(np.arcsin(s)), phi, weight]).astype(np.float64)
+    return nodes[0], nodes[1], nodes[2], nodes[3]

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import logging
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from furcl.cli.console import progress_report
 
 log = logging.getLogger(__name__)
 
@@ -37,17 +36,28 @@ def stability(
     from furcl.bench import stability as bench
     from furcl.report.stability import write_numerics, write_report
 
-    with progress_report() as report:
-        results = bench.run(
-            output, device=device, quick=quick, n_points=points, renders=renders, seed=seed,
-            progress=lambda _, done, total: report(done, total),
-        )  # fmt: skip
+    results = bench.run(
+        output, device=device, quick=quick, n_points=points, renders=renders, seed=seed,
+        progress=_LogLines(),
+    )  # fmt: skip
     print_stability(results)
     log.info("wrote %s and results.json", write_report(output))
     if numerics:
         write_numerics(results, numerics)
     if not results["passed"]:
         raise typer.Exit(1)
+
+
+class _LogLines:
+    """A line every ten seconds: the part that is under way and how far it is."""
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def __call__(self, part: str, done: int, total: int) -> None:
+        if time.monotonic() - self.last >= 10.0 or done == total:
+            self.last = time.monotonic()
+            log.info("%s: %d of %d", part, done, total)
 
 
 def print_stability(results: dict) -> None:
