@@ -15,7 +15,7 @@ from furcl.layout import NO_SEGMENT
 
 # Rays that a work-item takes, those of them under way at a time, work-items in a group:
 # docs/performance.md tells what other numbers give.
-_CPU = (64, 4, 1)
+_CPU = (64, 8, 1)
 _GPU = (1, 1, 64)
 
 #: Values of the argument in_flight: for rays that go the same way, and for others.
