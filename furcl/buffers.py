@@ -10,6 +10,11 @@ from furcl.device import Device
 from furcl.errors import ResourceError
 
 
+def fill(queue: cl.CommandQueue, buffer: cl.Buffer, value: int, n_bytes: int) -> None:
+    """Set the first `n_bytes` of a buffer to a uint32, repeated."""
+    cl.enqueue_fill_buffer(queue, buffer, np.array(value, np.uint32), 0, n_bytes)
+
+
 class Memory:
     """Allocates buffers on one device and counts their bytes.
 
@@ -60,7 +65,7 @@ class Memory:
         self.bytes[name] = n_bytes
         buffer = cl.Buffer(self.device.context, cl.mem_flags.READ_WRITE, max(n_bytes, 16))
         if zero:
-            cl.enqueue_fill_buffer(self.device.queue, buffer, np.uint32(0), 0, max(n_bytes, 16))
+            fill(self.device.queue, buffer, 0, max(n_bytes, 16))
         return buffer
 
     def read(

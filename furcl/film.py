@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from furcl.buffers import Memory
+from furcl.buffers import Memory, fill
 from furcl.features import Features
 
 
@@ -52,7 +52,7 @@ class Film:
     def clear(self, queue: cl.CommandQueue) -> None:
         """Take all samples back out."""
         for buffer in (self.planes, self.n_samples, self.nonfinite):
-            cl.enqueue_fill_buffer(queue, buffer, np.uint32(0), 0, buffer.size)
+            fill(queue, buffer, 0, buffer.size)
 
     def read(self, memory: Memory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean radiance, variance of that mean and samples of every pixel.

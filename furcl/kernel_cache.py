@@ -10,6 +10,7 @@ import hashlib
 import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import pyopencl as cl
 
@@ -61,7 +62,7 @@ def store(program: cl.Program, path: Path | None) -> None:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        (binary,) = program.get_info(cl.program_info.BINARIES)
+        (binary,) = cast("list[bytes]", program.get_info(cl.program_info.BINARIES))
         with atomic_path(path) as temporary:
             temporary.write_bytes(hashlib.sha256(binary).digest() + binary)
     except (OSError, cl.Error) as error:

@@ -273,7 +273,6 @@ def struct_words() -> np.ndarray:
     words: list[int] = []
     for name in STRUCTS:
         dtype = struct_dtype(name)
-        fields = dtype.fields
-        assert fields is not None
-        words += [dtype.itemsize, *(fields[field][1] for field, _ in STRUCTS[name])]
+        offsets = {field: place[1] for field, place in (dtype.fields or {}).items()}
+        words += [dtype.itemsize, *(offsets[field] for field, _ in STRUCTS[name])]
     return np.array(words, np.uint32)

@@ -124,7 +124,9 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
             warnings.simplefilter("ignore", cl.CompilerWarning)
             program = kernel_cache.load(device, path, OPTIONS)
             if program is None:
-                program = cl.Program(device.context, text).build(list(OPTIONS), cache_dir=False)
+                unbuilt = cl.Program(device.context, text)
+                # False: pyopencl's own cache on disk would be a second one.
+                program = unbuilt.build(list(OPTIONS), cache_dir=False)  # pyright: ignore[reportArgumentType]
                 kernel_cache.store(program, path)
     except cl.Error as error:
         raise KernelBuildError(

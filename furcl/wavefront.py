@@ -8,7 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from furcl import layout, program, rays
-from furcl.buffers import Memory
+from furcl.buffers import Memory, fill
 from furcl.device import Device
 from furcl.features import Features
 from furcl.film import Film
@@ -73,7 +73,7 @@ class Wavefront:
         self.wave_size = wave_size
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
         self.keep_events = False
-        extra = dict.fromkeys(RAY_STAGES, rays.defines(device))
+        extra: dict[str, dict[str, int]] = dict.fromkeys(RAY_STAGES, rays.defines(device))
         self._kernels = {
             stage: cl.Kernel(program.build(device, file, features, extra.get(stage)), stage)
             for stage, file in STAGES.items()
@@ -104,7 +104,7 @@ class Wavefront:
         wave = np.zeros((), layout.struct_dtype("Wave"))
         wave["width"] = wave["height"] = wave["n_slots"] = 1
         for n in (LOCAL_SIZE, self.wave_size):
-            cl.enqueue_fill_buffer(self.queue, self.active_counts, np.uint32(0), 0, 4)
+            fill(self.queue, self.active_counts, 0, 4)
             self._launch("generate", n, self.state, self.active, wave, self.camera)
             self.intersect_closest(wave, n, 0)
             self.shade_escaped(wave, n)
@@ -117,13 +117,13 @@ class Wavefront:
     def generate(self, wave: np.ndarray) -> int:
         """Start the wave's paths; returns how many are active."""
         n = int(wave["n_paths"])
-        cl.enqueue_fill_buffer(self.queue, self.active_counts, np.uint32(n), 0, 4)
+        fill(self.queue, self.active_counts, n, 4)
         self._launch("generate", n, self.state, self.active, wave, self.camera)
         return n
 
     def intersect_closest(self, wave: np.ndarray, active: int, depth: int) -> None:
         """Find what every active path meets next: fills the hit and miss queues."""
-        cl.enqueue_fill_buffer(self.queue, self.counts, np.uint32(0), 0, 4 * layout.N_COUNTS)
+        fill(self.queue, self.counts, 0, 4 * layout.N_COUNTS)
         self._launch(
             "intersect_closest",
             active,
@@ -222,7 +222,7 @@ class Wavefront:
     def read_lobe_counts(self) -> np.ndarray:
         """Selections of each lobe since the last call, (n_lobes,) int64; sets them to zero."""
         counts = self.memory.read(self.lobe_counts, 8, np.uint32)[: self.features.n_lobes]
-        cl.enqueue_fill_buffer(self.queue, self.lobe_counts, np.uint32(0), 0, 4 * 8)
+        fill(self.queue, self.lobe_counts, 0, 4 * 8)
         return counts.astype(np.int64)
 
     def _launch(self, stage: str, n: int, *arguments) -> None:

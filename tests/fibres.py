@@ -11,6 +11,8 @@ FIBRES = {
         eta=1.5, kappa=0.7, alpha_deg=3, beta_m_deg=12, beta_n_deg=15, sigma_ca=(0.1, 0.3, 0.9),
         sigma_ms=2.0, sigma_ma=(0.0, 0.2, 1.0), g=-0.4, layers=1.3,
     ),
-    "all medulla": Fibre(kappa=1.0, sigma_ms=8.0, sigma_ma=0.1, g=0.8, layers=0.5, beta_m_deg=40,
-                         beta_n_deg=60),
+    "all medulla": Fibre(
+        kappa=1.0, sigma_ms=8.0, sigma_ma=(0.1, 0.1, 0.1), g=0.8, layers=0.5, beta_m_deg=40,
+        beta_n_deg=60,
+    ),
 }  # fmt: skip

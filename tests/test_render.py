@@ -69,6 +69,7 @@ def test_single_fibre_shows_its_albedo(device, seed, theta_deg, name, sampling):
     renderer.advance(scene.render.spp)
     image = renderer.image()
     mean = image.rgb.astype(np.float64).mean(axis=(0, 1))
+    assert image.variance is not None
     error = np.sqrt(image.variance.astype(np.float64).sum(axis=(0, 1))) / (
         image.width * image.height
     )
@@ -133,6 +134,7 @@ def test_white_fur_vanishes_in_a_furnace(device, seed, sampling):
     )
     image = furcl.render(scene, device=device)
     mean = image.rgb[..., 0].astype(np.float64)
+    assert image.variance is not None
     error = np.sqrt(image.variance[..., 0].astype(np.float64).sum()) / mean.size
     assert abs(mean.mean() - 1) < 4 * error + 1e-3
     assert image.stats["hits_per_path"] > 0.2  # most of the picture is background

@@ -106,8 +106,8 @@ def attenuation_tables(
     """Mean of the scalar A_p (mean of the channels) over each bin of |h|: what the samplers' tables
     should hold.
 
-    Rows are nodes over |theta| from 0 to pi/2 inclusive, even in sqrt(cos(theta)); bins cut [0, 1] evenly; n nodes
-    in each bin, twice that where the medulla's edge falls in it.
+    Rows are nodes over |theta| from 0 to pi/2 inclusive, even in sqrt(cos(theta)); bins cut [0, 1]
+    evenly; n nodes in each bin, twice that where the medulla's edge falls in it.
 
     Returns
     -------
