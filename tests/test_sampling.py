@@ -29,7 +29,7 @@ def _wo(theta):
     return np.array([np.sin(theta), np.cos(theta), 0.0])
 
 
-def _cell(h, phi, s):
+def _cell(h, phi, s) -> np.ndarray:
     """Cell indices of folded samples."""
     phi = np.where(h < 0, -phi, phi)
     parts = (
@@ -38,7 +38,7 @@ def _cell(h, phi, s):
         (s + 1) / 2 * CELLS[2],
     )
     index = [np.clip(p.astype(int), 0, n - 1) for p, n in zip(parts, CELLS, strict=True)]
-    return np.ravel_multi_index(index, CELLS)
+    return np.asarray(np.ravel_multi_index(index, CELLS))
 
 
 def _expected(probe, theta):
