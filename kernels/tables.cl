@@ -2,12 +2,13 @@
 
    reads    rows: sine and cosine of the theta of each row; fibre, profiles
    writes   bins [TABLE_ROWS][FURCL_LOBES][TABLE_BINS]: mean over the bin of the channels' mean of
-            A_p(h), by the midpoint rule on TABLE_SUBSAMPLES offsets
+            A_p(h), by the trapezoidal rule: with the ends of the bin no place in it has more than
+            2 TABLE_STEPS times the mean, also where a lobe ends inside the bin
    over     TABLE_ROWS x TABLE_BINS
    next     furcl/tables.py turns the bins into CDFs */
 #include "bcsdf.clh"
 
-#define TABLE_SUBSAMPLES 16
+#define TABLE_STEPS 16
 
 __kernel void attenuation_bins(
     __global float* bins, __global const float2* rows, const FibreParams fibre,
@@ -19,13 +20,14 @@ __kernel void attenuation_bins(
     const Incidence in = incidence_at(&fibre, rows[row].x, rows[row].y);
     float sum[FURCL_LOBES];
     for (uint p = 0; p < FURCL_LOBES; p++) sum[p] = 0.0f;
-    for (uint k = 0; k < TABLE_SUBSAMPLES; k++) {
-        const float inside = ((float)k + 0.5f) * (1.0f / TABLE_SUBSAMPLES);
+    for (uint k = 0; k <= TABLE_STEPS; k++) {
+        const float inside = (float)k * (1.0f / TABLE_STEPS);
+        const float share = (k == 0u || k == TABLE_STEPS ? 0.5f : 1.0f) * (1.0f / TABLE_STEPS);
         const float h = ((float)bin + inside) * (1.0f / FURCL_TABLE_BINS);
         const BcsdfAtOffset b = bcsdf_at_offset(&fibre, profiles, &in, h);
         for (uint p = 0; p < FURCL_LOBES; p++)
-            if (lobe_exists(p)) sum[p] += spectrum_mean(lobe_attenuation(p, &fibre, &b));
+            if (lobe_exists(p)) sum[p] += share * spectrum_mean(lobe_attenuation(p, &fibre, &b));
     }
     for (uint p = 0; p < FURCL_LOBES; p++)
-        bins[(row * FURCL_LOBES + p) * FURCL_TABLE_BINS + bin] = sum[p] * (1.0f / TABLE_SUBSAMPLES);
+        bins[(row * FURCL_LOBES + p) * FURCL_TABLE_BINS + bin] = sum[p];
 }

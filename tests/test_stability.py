@@ -156,6 +156,52 @@ def test_random_numbers_at_their_ends(device, sampling):
             assert (np.abs(h) <= 1).all()
 
 
+@pytest.mark.parametrize("sampling", ["uniform-h", "attenuation-cdf", "full-cdf"])
+def test_a_lobe_of_next_to_no_energy_has_no_infinite_weight(device, sampling):
+    """The random number 0 falls on the first lobe with any energy at all: here TT, of e^-100."""
+    fibre = Fibre(
+        kappa=0.999999, eta=2.9, layers=0.0, sigma_ca=(50.0,) * 3, sigma_ma=(50.0,) * 3,
+        sigma_ms=1e-3,
+    )  # fmt: skip
+    probe = probe_of(fibre, device, sampling, specialised=False)
+    rng = np.random.default_rng(1)
+    numbers = rng.random((2000, 3, 4)).astype(np.float32) * np.float32(LAST)
+    numbers[:, 0, 1] = 0.0
+    wo = np.array([[0.614257, 0.789106, 0.0]])
+    _, _, _, weight, _ = probe.sample(wo, n=2000, numbers=numbers)
+    assert np.isfinite(weight).all()
+
+
+def test_an_offset_stays_in_its_bin(device):
+    """A number at the end of a bin, rounded into the next one, gave weights of 10^5."""
+    fibre = Fibre(
+        eta=1.0001,
+        kappa=0.9797,
+        layers=4.3,
+        sigma_ca=(1.0,) * 3,
+        sigma_ms=320.0,
+        sigma_ma=(0.01,) * 3,
+    )
+    probe = probe_of(fibre, device, specialised=False)
+    rng = np.random.default_rng(2)
+    numbers = rng.random((20_000, 3, 4)).astype(np.float32) * np.float32(LAST)
+    numbers[:, 0, 2] = np.where(rng.random(20_000) < 0.5, 0.5 * LAST, LAST)
+    _, h, lobe, weight, _ = probe.sample(
+        np.array([[-0.87212, 0.48929, 0.0]]), n=20_000, numbers=numbers
+    )
+    assert weight[lobe == 3].max() < 100
+    assert np.abs(h).max() < 1
+
+
+def test_reflectance_near_index_one(device):
+    """(c - n)^2 cancels there: 1.1e-4 relative; multiplied out 2e-6."""
+    fibre = Fibre(eta=1.0001, layers=1.0)
+    probe = probe_of(fibre, device, specialised=False)
+    h = np.linspace(-0.99, 0.99, 500).astype(np.float32).astype(np.float64)
+    expected = reference_attenuation(probe, h, np.zeros(500))[0]
+    np.testing.assert_allclose(probe.attenuation(h, 0.0)[0], expected, rtol=5e-6, atol=1e-14)
+
+
 @pytest.mark.parametrize("theta_deg", [0.0, 45.0, 85.0, 89.0, 89.9, 89.999])
 @pytest.mark.parametrize("name", ["human-black", "red-fox", "thin cuticle", "index 1"])
 def test_weights_stay_within_the_ratios_of_a_bin(device, name, theta_deg):

@@ -232,7 +232,8 @@ class Comparison:
             row = self.row("sample weight", name)
             row.count(np.concatenate([weight, h[:, None] ** 2, pdf[:, None]], 1)[chosen])
             row.nan += int(np.isnan(wi[chosen]).any(-1).sum())
-            scalar = weight[chosen].mean(-1)
+            bad = ~(np.isfinite(weight[chosen]) & (weight[chosen] >= 0.0)).all(-1)
+            scalar = np.where(bad, np.inf, weight[chosen].mean(-1))
             at = int(np.argmax(scalar))
             if scalar[at] > row.value:
                 row.value = float(scalar[at])
@@ -297,19 +298,30 @@ def replay_command(worst: dict[str, Any]) -> str:
     return f"furcl bench replay '{json.dumps(worst)}'" if "h" in worst else ""
 
 
-def reference_attenuation(probe: Probe, h: Array, theta: Array) -> Array:
-    """(lobes, n, 3) float64."""
-    lobes = bcsdf.attenuation(probe.fibre, h, theta, probe.material.profiles, residual=True)
+def reference_attenuation(
+    probe: Probe, h: Array, theta: Array, fibre: Fibre | None = None
+) -> Array:
+    """(lobes, n, 3) float64; of another fibre than the probe's if given."""
+    lobes = bcsdf.attenuation(
+        fibre or probe.fibre, h, theta, probe.material.profiles, residual=True
+    )
     return np.stack([lobes[bcsdf.RESIDUAL if n == "residual" else n] for n in probe.lobes])
 
 
-def reference_evaluate(probe: Probe, wo: Array, wi: Array, h: Array, lobe: int | None = None):
-    """(lobes, n, 3) float64, or (n, 3) of one lobe."""
+def reference_evaluate(
+    probe: Probe,
+    wo: Array,
+    wi: Array,
+    h: Array,
+    lobe: int | None = None,
+    fibre: Fibre | None = None,
+) -> Array:
+    """(lobes, n, 3) float64, or (n, 3) of one lobe; of another fibre than the probe's if given."""
     names = [bcsdf.RESIDUAL if n == "residual" else n for n in probe.lobes]
-    profiles = probe.material.profiles
+    profiles, fibre = probe.material.profiles, fibre or probe.fibre
     if lobe is not None:
-        return bcsdf.evaluate(probe.fibre, wo, wi, h, profiles, lobe=names[lobe])
-    return np.stack([bcsdf.evaluate(probe.fibre, wo, wi, h, profiles, lobe=n) for n in names])
+        return bcsdf.evaluate(fibre, wo, wi, h, profiles, lobe=names[lobe])
+    return np.stack([bcsdf.evaluate(fibre, wo, wi, h, profiles, lobe=n) for n in names])
 
 
 def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
@@ -324,8 +336,11 @@ def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
         for h_used, theta_used in ((moved, theta), (h, tilted)):
             other = reference_attenuation(probe, h_used, theta_used)[p]
             effect = np.maximum(effect, np.abs(other - middle))
-        other = reference_attenuation(probe, _rescaled(h, way), theta)[p]
-        effect = np.maximum(effect, np.abs(other - middle))
+        # Where the chord begins, h' against kappa: either moves with the other kept.
+        kappa = float(_rescaled(np.array(probe.fibre.kappa), way))
+        for h_used, fibre in ((_rescaled(h, way), None), (h, probe.fibre.replace(kappa=kappa))):
+            other = reference_attenuation(probe, h_used, theta, fibre)[p]
+            effect = np.maximum(effect, np.abs(other - middle))
     return effect
 
 
@@ -339,6 +354,8 @@ def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
             reference_evaluate(probe, wo, wi, moved, p)
             for moved in (_moved(h, way), _rescaled(h, way))
         ]
+        kappa = float(_rescaled(np.array(probe.fibre.kappa), way))
+        others.append(reference_evaluate(probe, wo, wi, h, p, probe.fibre.replace(kappa=kappa)))
         for axis in range(3):
             for which in range(2):
                 pair = [wo.copy(), wi.copy()]
@@ -357,12 +374,13 @@ def _rescaled(h: Array, way: float) -> Array:
 
 
 def _nearby(wi: Array) -> list[Array]:
-    """Directions that no float32 azimuth can tell from wi: turned about the fibre by one unit in
-    the last place of 2 pi. Bins of a profile that they fall into are wi's own as well."""
+    """Directions that no float32 azimuth can tell from wi: turned about the fibre by two units in
+    the last place of 2 pi, the azimuth being a sum. Bins of a profile that they fall into are wi's
+    own as well."""
     out = []
-    for turn in (-(2.0**-21), 2.0**-21):
-        y, z = wi[:, 1], wi[:, 2]
-        out.append(np.stack([wi[:, 0], y - turn * z, z + turn * y], 1))
+    for turn, lift in itertools.product((-(2.0**-20), 2.0**-20), (-(2.0**-24), 2.0**-24)):
+        x, y, z = wi.T
+        out.append(np.stack([np.clip(x + lift, -1.0, 1.0), y - turn * z, z + turn * y], 1))
     return out
 
 
