@@ -12,15 +12,12 @@ from typing import Any
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.bench.stability_compare import (
-    Comparison,
-    Row,
+from furcl.bench.stability_compare import Comparison, Row, probe_of, replay_command
+from furcl.bench.stability_conditioning import (
     attenuation_conditioning,
     evaluate_conditioning,
-    probe_of,
     reference_attenuation,
     reference_evaluate,
-    replay_command,
 )
 from furcl.bench.stability_integrals import integrals
 from furcl.bench.stability_medulla import medulla_rows

@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl import bcsdf, layout
+from furcl import layout
+from furcl.bench.stability_conditioning import (
+    attenuation_conditioning,
+    evaluate_conditioning,
+    nearby,
+    reference_attenuation,
+    reference_evaluate,
+    rescaled,
+)
 from furcl.bench.stability_points import LAST, Points
 from furcl.fibre import Fibre
 from furcl.material import fibre_features
@@ -249,7 +257,7 @@ class Comparison:
         relative, there = np.full(len(h), np.inf), np.zeros(len(h), bool)
         # A direction or an offset on the edge of a bin has the value of either side.
         for turned, moved in itertools.product(
-            (wi, *_nearby(wi)), (h, _rescaled(h, -1.0), _rescaled(h, 1.0))
+            (wi, *nearby(wi)), (h, rescaled(h, -1.0), rescaled(h, 1.0))
         ):
             value, pdf = (
                 x[p].astype(np.float64)
@@ -296,95 +304,3 @@ def describe(fibre: Fibre, points: Points, i: int) -> dict[str, Any]:
 def replay_command(worst: dict[str, Any]) -> str:
     """The command line that prints a point again."""
     return f"furcl bench replay '{json.dumps(worst)}'" if "h" in worst else ""
-
-
-def reference_attenuation(
-    probe: Probe, h: Array, theta: Array, fibre: Fibre | None = None
-) -> Array:
-    """(lobes, n, 3) float64; of another fibre than the probe's if given."""
-    lobes = bcsdf.attenuation(
-        fibre or probe.fibre, h, theta, probe.material.profiles, residual=True
-    )
-    return np.stack([lobes[bcsdf.RESIDUAL if n == "residual" else n] for n in probe.lobes])
-
-
-def reference_evaluate(
-    probe: Probe,
-    wo: Array,
-    wi: Array,
-    h: Array,
-    lobe: int | None = None,
-    fibre: Fibre | None = None,
-) -> Array:
-    """(lobes, n, 3) float64, or (n, 3) of one lobe; of another fibre than the probe's if given."""
-    names = [bcsdf.RESIDUAL if n == "residual" else n for n in probe.lobes]
-    profiles, fibre = probe.material.profiles, fibre or probe.fibre
-    if lobe is not None:
-        return bcsdf.evaluate(fibre, wo, wi, h, profiles, lobe=names[lobe])
-    return np.stack([bcsdf.evaluate(fibre, wo, wi, h, profiles, lobe=n) for n in names])
-
-
-def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
-    """Change of the reference for one unit in the last place of h, of the cosine or of kappa."""
-    h, sin_cos = points.h[at], points.sin_cos[at]
-    theta = np.arctan2(sin_cos[:, 0], sin_cos[:, 1])
-    middle = reference_attenuation(probe, h, theta)[p]
-    effect = np.zeros_like(middle)
-    for way in (-1.0, 1.0):
-        tilted = np.arctan2(sin_cos[:, 0], sin_cos[:, 1] * (1.0 + way * 2.0**-24))
-        moved = _moved(h, way)
-        for h_used, theta_used in ((moved, theta), (h, tilted)):
-            other = reference_attenuation(probe, h_used, theta_used)[p]
-            effect = np.maximum(effect, np.abs(other - middle))
-        # Where the chord begins, h' against kappa: either moves with the other kept.
-        kappa = float(_rescaled(np.array(probe.fibre.kappa), way))
-        for h_used, fibre in ((_rescaled(h, way), None), (h, probe.fibre.replace(kappa=kappa))):
-            other = reference_attenuation(probe, h_used, theta, fibre)[p]
-            effect = np.maximum(effect, np.abs(other - middle))
-    return effect
-
-
-def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
-    """The same for h, every component of wo and wi, and an azimuth of up to 2 pi."""
-    wo, wi, h = points.wo[at], points.wi[at], points.h[at]
-    middle = reference_evaluate(probe, wo, wi, h, p)
-    effect = np.zeros_like(middle)
-    for way in (-1.0, 1.0):
-        others = [
-            reference_evaluate(probe, wo, wi, moved, p)
-            for moved in (_moved(h, way), _rescaled(h, way))
-        ]
-        kappa = float(_rescaled(np.array(probe.fibre.kappa), way))
-        others.append(reference_evaluate(probe, wo, wi, h, p, probe.fibre.replace(kappa=kappa)))
-        for axis in range(3):
-            for which in range(2):
-                pair = [wo.copy(), wi.copy()]
-                pair[which][:, axis] = _moved(pair[which][:, axis], way)
-                others.append(reference_evaluate(probe, pair[0], pair[1], h, p))
-        others += [reference_evaluate(probe, wo, turned, h, p) for turned in _nearby(wi)]
-        for other in others:
-            effect = np.maximum(effect, np.abs(other - middle))
-    return effect
-
-
-def _rescaled(h: Array, way: float) -> Array:
-    """h moved by what four roundings to float32 may: the edge of the medulla is at |h'| = kappa
-    with h' = h cos(theta) / n_t, and an edge of the tables at a whole number of bins."""
-    return np.clip(h * (1.0 + way * 2.0**-22), -1.0, 1.0)
-
-
-def _nearby(wi: Array) -> list[Array]:
-    """Directions that no float32 azimuth can tell from wi: turned about the fibre by two units in
-    the last place of 2 pi, the azimuth being a sum. Bins of a profile that they fall into are wi's
-    own as well."""
-    out = []
-    for turn, lift in itertools.product((-(2.0**-20), 2.0**-20), (-(2.0**-24), 2.0**-24)):
-        x, y, z = wi.T
-        out.append(np.stack([np.clip(x + lift, -1.0, 1.0), y - turn * z, z + turn * y], 1))
-    return out
-
-
-def _moved(x: Array, way: float) -> Array:
-    """Float32 neighbours, at least 2^-25 away from x; inside [-1, 1]."""
-    step = np.maximum(np.spacing(np.abs(x).astype(np.float32)).astype(np.float64), 2.0**-25)
-    return np.clip(x + way * step, -1.0, 1.0)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from furcl import bcsdf, layout
 from furcl.bcsdf.angles import centre_and_width
-from furcl.bench.stability_compare import Row, describe, probe_of, reference_attenuation
+from furcl.bench.stability_compare import Row, describe, probe_of
+from furcl.bench.stability_conditioning import reference_attenuation
 from furcl.bench.stability_points import Points
 from furcl.fibre import Fibre
 from furcl.probe import Probe

@@ -1,0 +1,84 @@
+"""Stiff scenes on the device against the float64 host render, and the host render itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+from furcl import bcsdf
+from furcl.bench import stability_renders
+from furcl.bench.host_render import HostRenderer
+from furcl.curves import Curves
+from furcl.fibre import Fibre
+from furcl.scene_io import load_scene
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("path", stability_renders.scene_files(), ids=lambda path: path.stem)
+def test_extreme_scenes(device, path):
+    """Finite, and four pixels as the float64 host renders them: p > 1e-3 / 14, corrected."""
+    row = stability_renders.render_row(path, device, spp=16, paths=200)
+    assert row["nonfinite"] == 0
+    assert math.isfinite(row["largest"])
+    assert row["energy"] > 0
+    assert row["p"] > 7e-5
+
+
+def test_there_are_fourteen_extreme_scenes():
+    assert len(stability_renders.scene_files()) == 14
+
+
+def test_size_and_place_change_no_picture(device):
+    """A groom of 10^-6 units, one of 10^6 and one 10^5 units from the origin look the same."""
+    images = []
+    for name in ("size_1e-6", "size_1e6", "far_away"):
+        (path,) = (p for p in stability_renders.scene_files() if p.stem == name)
+        scene = load_scene(path, size="8x8", spp=64)
+        renderer = stability_renders.Renderer(scene, device)
+        renderer.advance(64)
+        images.append(renderer.image())
+    for image in images[1:]:
+        difference = np.abs(image.rgb - images[0].rgb)
+        # Rays along an edge may change sides.
+        assert np.median(difference) < 1e-3
+        spread = np.sqrt(image.variance + images[0].variance)
+        assert np.all(difference < 5 * spread + 1e-3)
+
+
+def test_host_render_shows_the_albedo_of_a_fibre():
+    """In white light the radiance of a fibre is its directional albedo; a mutant ten per cent
+    darker is seen."""
+    (path,) = (p for p in stability_renders.scene_files() if p.stem == "one_segment")
+    scene = load_scene(
+        path, size="1x1",
+        overrides=[
+            "environment={kind='constant', radiance=1.0}", "curves.length=1000.0",
+            "camera={origin=[0, -200, 0], target=[0, 0, 0], vfov_deg=0.1}",
+        ],
+    )  # fmt: skip
+    fibre = Fibre(sigma_ca=(0.1, 0.5, 2.0))
+    host = HostRenderer(scene, None)
+    host.fibre = fibre
+    mean, variance = host.pixel(0, 0, 20_000, np.random.default_rng(1))
+    expected = bcsdf.albedo(fibre, 0.0)
+    assert np.all(np.abs(mean - expected) < 4 * np.sqrt(variance) + 1e-4)
+    assert np.all(np.abs(mean - 0.9 * expected) > 4 * np.sqrt(variance))
+
+
+def test_segments_are_met_where_the_ray_is_nearest():
+    curves = Curves.from_arrays(
+        np.array([[0, -1, 0], [0, 1, 0], [5, -1, 0.3], [5, 1, 0.3]], float), 0.4,
+        np.array([0, 2, 4]), source="test",
+    )  # fmt: skip
+    from furcl.bench.host_render import _Segments
+
+    segments = _Segments(curves)
+    origin = np.array([[-3.0, 0.5, 0.1], [-3, 0.5, 0.6], [-3, 0.5, 2.0]])
+    direction = np.tile([1.0, 0.0, 0.0], (3, 1))
+    nobody = np.full(3, -1)
+    t, which, u = segments.closest(origin, direction, nobody, np.zeros(3))
+    assert which.tolist() == [0, 1, -1]
+    assert t[:2] == pytest.approx([3, 8])
+    assert u[:2] == pytest.approx([0.75, 0.75])
+    _, which, _ = segments.closest(origin, direction, np.array([0, -1, -1]), np.full(3, 4.0))
+    assert which.tolist() == [1, 1, -1]
