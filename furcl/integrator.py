@@ -161,7 +161,7 @@ class Renderer:
         stages = self.wavefront
         active = stages.generate(wave)
         for depth in range(self.scene.render.max_depth + 1):
-            stages.intersect_closest(wave, active, depth)
+            stages.intersect_closest(wave, active)
             stages.shade_escaped(wave, active)
             if depth < self.scene.render.max_depth:
                 stages.sample_lobe_h(wave, active, depth)

@@ -15,11 +15,8 @@ from furcl.layout import NO_SEGMENT
 
 # Rays that a work-item takes, those of them under way at a time, work-items in a group:
 # docs/performance.md tells what other numbers give.
-_CPU = (64, 8, 1)
+_CPU = (64, 12, 1)
 _GPU = (1, 1, 64)
-
-#: Values of the argument in_flight: for rays that go the same way, and for others.
-COHERENT, SCATTERED = np.uint32(1), np.uint32(_CPU[1])
 
 
 def defines(device: Device) -> dict[str, int]:
@@ -98,25 +95,23 @@ class Tracer:
         self._closest = cl.Kernel(built, "trace_rays")
         self._shadow = cl.Kernel(built, "trace_shadow_rays")
 
-    def closest(self, rays: Rays, in_flight: np.uint32 = SCATTERED) -> cl.Event:
+    def closest(self, rays: Rays) -> cl.Event:
         """Start the search for nearest hits; `hits` reads them."""
         return self._closest(
             self.device.queue,
             *launch_size(self.device, rays.n),
             np.uint32(rays.n),
-            in_flight,
             *rays.inputs,
             *rays.outputs,
             *self.geometry,
         )
 
-    def shadow(self, rays: Rays, in_flight: np.uint32 = SCATTERED) -> cl.Event:
+    def shadow(self, rays: Rays) -> cl.Event:
         """Start the search for any hits; `occluded` reads them."""
         return self._shadow(
             self.device.queue,
             *launch_size(self.device, rays.n),
             np.uint32(rays.n),
-            in_flight,
             *rays.inputs,
             rays.outputs[1],
             *self.geometry,

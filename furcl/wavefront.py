@@ -106,7 +106,7 @@ class Wavefront:
         for n in (LOCAL_SIZE, self.wave_size):
             fill(self.queue, self.active_counts, 0, 4)
             self._launch("generate", n, self.state, self.active, wave, self.camera)
-            self.intersect_closest(wave, n, 0)
+            self.intersect_closest(wave, n)
             self.shade_escaped(wave, n)
             self.sample_lobe_h(wave, n, 0)
             self.shade(wave, n, 0)
@@ -121,7 +121,7 @@ class Wavefront:
         self._launch("generate", n, self.state, self.active, wave, self.camera)
         return n
 
-    def intersect_closest(self, wave: np.ndarray, active: int, depth: int) -> None:
+    def intersect_closest(self, wave: np.ndarray, active: int) -> None:
         """Find what every active path meets next: fills the hit and miss queues."""
         fill(self.queue, self.counts, 0, 4 * layout.N_COUNTS)
         self._launch(
@@ -134,7 +134,6 @@ class Wavefront:
             self.active_counts,
             self.counts,
             wave["n_slots"],
-            rays.SCATTERED if depth else rays.COHERENT,
             self.body,
             *self.geometry,
         )
@@ -192,7 +191,6 @@ class Wavefront:
                 self.shadows,
                 self.counts,
                 wave["n_slots"],
-                rays.SCATTERED,
                 self.body,
                 *self.geometry,
             )

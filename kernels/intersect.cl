@@ -16,7 +16,7 @@
 __kernel VECTOR_HINT void intersect_closest(
     __global float* state, __global const uint* queue, __global uint* hit_queue,
     __global uint* miss_queue, __global const uint* active_counts, __global uint* counts,
-    const uint n_slots, const uint in_flight, const Body body, BVH_PARAMETERS)
+    const uint n_slots, const Body body, BVH_PARAMETERS)
 {
 #if FURCL_BODY
 #define MEET_BODY(query, hit) body_query(&body, &(query), &(hit));
@@ -41,7 +41,7 @@ __kernel VECTOR_HINT void intersect_closest(
     else \
         FURCL_AT(hit_queue, atomic_inc(counts + FURCL_COUNT_HITS), n_slots) = slot; }
 
-    TRACE_RAYS(active_counts[FURCL_COUNT_NEXT], in_flight, false, LOAD_PATH, STORE_PATH);
+    TRACE_RAYS(active_counts[FURCL_COUNT_NEXT], false, LOAD_PATH, STORE_PATH);
 }
 
 #if FURCL_LIGHT_SAMPLING
@@ -53,7 +53,7 @@ __kernel VECTOR_HINT void intersect_closest(
    next     intersect_closest */
 __kernel VECTOR_HINT void intersect_shadow(
     __global float* state, __global const uint* shadow_queue, __global const uint* counts,
-    const uint n_slots, const uint in_flight, const Body body, BVH_PARAMETERS)
+    const uint n_slots, const Body body, BVH_PARAMETERS)
 {
 /* Behind the body the search for fibres ends where it begins. */
 #if FURCL_BODY
@@ -73,7 +73,7 @@ __kernel VECTOR_HINT void intersect_shadow(
         PS_STORE_SPECTRUM(RADIANCE, slot, \
             PS_LOAD_SPECTRUM(RADIANCE, slot) + PS_LOAD_SPECTRUM(SHADOW_RADIANCE, slot)); }
 
-    TRACE_RAYS(counts[FURCL_COUNT_SHADOWS], in_flight, true, LOAD_SHADOW, STORE_SHADOW);
+    TRACE_RAYS(counts[FURCL_COUNT_SHADOWS], true, LOAD_SHADOW, STORE_SHADOW);
 }
 #endif
 
@@ -88,12 +88,12 @@ __kernel VECTOR_HINT void intersect_shadow(
    writes   nearest hits in (0, t_max]: t, segment, u; of a miss t_max, FURCL_NO_SEGMENT, 0
    over     rays, FURCL_RAYS_PER_ITEM a work-item */
 __kernel VECTOR_HINT void trace_rays(
-    const uint n_rays, const uint in_flight, __global const float4* origins,
+    const uint n_rays, __global const float4* origins,
     __global const float4* directions, __global const uint* skip_segment, __global float* t,
     __global uint* segment, __global float* u, BVH_PARAMETERS)
 {
 #define STORE_HIT(i, hit) { t[i] = (hit).t; segment[i] = (hit).segment; u[i] = (hit).u; }
-    TRACE_RAYS(n_rays, in_flight, false, LOAD_RAY, STORE_HIT);
+    TRACE_RAYS(n_rays, false, LOAD_RAY, STORE_HIT);
 }
 
 /* The same rays, asking only whether anything lies in (0, t_max].
@@ -102,10 +102,10 @@ __kernel VECTOR_HINT void trace_rays(
    writes   occluded: 1 or 0
    over     rays, FURCL_RAYS_PER_ITEM a work-item */
 __kernel VECTOR_HINT void trace_shadow_rays(
-    const uint n_rays, const uint in_flight, __global const float4* origins,
+    const uint n_rays, __global const float4* origins,
     __global const float4* directions, __global const uint* skip_segment,
     __global uint* occluded, BVH_PARAMETERS)
 {
 #define STORE_OCCLUDED(i, hit) { occluded[i] = (hit).segment != FURCL_NO_SEGMENT ? 1u : 0u; }
-    TRACE_RAYS(n_rays, in_flight, true, LOAD_RAY, STORE_OCCLUDED);
+    TRACE_RAYS(n_rays, true, LOAD_RAY, STORE_OCCLUDED);
 }

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from ray_reference import brute_force, random_directions, random_walks, rays_at, strands, unit
 
+from furcl import rays as rays_module
 from furcl.bvh import build_bvh
 from furcl.curves import Curves
 from furcl.embree_oracle import EmbreeScene
@@ -187,6 +188,20 @@ def test_any_number_of_rays(device, n, rng):
     part = trace(device, curves, origins[:n], directions[:n])
     for found, expected in zip(part, everything, strict=True):
         assert np.array_equal(found[:n], expected[:n])
+
+
+@pytest.mark.parametrize("shares", [(1, 1, 1), (1, 1, 32), (1, 1, 256), (7, 3, 2), (64, 12, 1)])
+def test_how_rays_are_shared_out_does_not_matter(device, shares, rng, monkeypatch):
+    """Rays of a work-item, those under way, work-items of a group: as on GPUs, and as on CPUs."""
+    curves = random_walks(rng, 200, 8, 0.2, 0.01)
+    origins, directions = rays_at(rng, curves, 3001)
+    usual = trace(device, curves, origins, directions)
+    usual_occluded = occluded(device, curves, origins, directions)
+    monkeypatch.setattr(rays_module, "_CPU", shares)
+    monkeypatch.setattr(rays_module, "_GPU", shares)
+    for found, expected in zip(trace(device, curves, origins, directions), usual, strict=True):
+        assert np.array_equal(found, expected)
+    assert np.array_equal(occluded(device, curves, origins, directions), usual_occluded)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -21,7 +21,7 @@ from furcl.errors import GroomError
 from furcl.groom_io import load_curves
 from furcl.layout import NO_SEGMENT
 from furcl.procedural import GENERATORS
-from furcl.rays import COHERENT, SCATTERED, Rays, Tracer
+from furcl.rays import Rays, Tracer
 from furcl.scene_io import load_scene
 
 # Distances that differ by no more than this part are one hit (joints are hit twice at one place).
@@ -119,20 +119,19 @@ def _measure(tracer: Tracer, scene: EmbreeScene, rays: RaySet, rounds: int) -> d
     on_device = Rays(
         tracer.memory, rays.origins[:, :3], rays.directions[:, :3], rays.directions[:, 3]
     )
-    in_flight = COHERENT if rays.name == "primary" else SCATTERED
     if rays.any_hit:
         ours, theirs = tracer.shadow, scene.occluded
         found = {"ours": tracer.occluded, "theirs": scene.occluded}
     else:
         ours, theirs = tracer.closest, scene.intersect
         found = {"ours": tracer.hits, "theirs": scene.intersect}
-    ours(on_device, in_flight).wait()
+    ours(on_device).wait()
     mine = found["ours"](on_device)
     other = found["theirs"](rays.origins, rays.directions)
     times = np.array(
         [
             (
-                *_timed(lambda: ours(on_device, in_flight).wait()),
+                *_timed(lambda: ours(on_device).wait()),
                 *_timed(lambda: theirs(rays.origins, rays.directions)),
             )
             for _ in range(rounds)
