@@ -2,13 +2,21 @@
 
    reads    rows: sine and cosine of the theta of each row; fibre, profiles
    writes   bins [TABLE_ROWS][FURCL_LOBES][TABLE_BINS]: mean over the bin of the channels' mean of
-            A_p(h), by the trapezoidal rule: with the ends of the bin no place in it has more than
-            2 TABLE_STEPS times the mean, also where a lobe ends inside the bin
+            A_p(h), by the trapezoidal rule: the ends of the bin count, so that a lobe that ends just
+            inside it is seen
    over     TABLE_ROWS x TABLE_BINS
    next     furcl/tables.py turns the bins into CDFs */
 #include "bcsdf.clh"
 
-#define TABLE_STEPS 16
+#define TABLE_STEPS 16u
+
+/* Offsets lie even in a bin, in the last one dense at the rim: near |h| = 1 light goes over from the
+   other lobes to R within a part of the bin that shrinks as eta and the layers do. */
+static inline float place_in_bin(uint bin, uint k)
+{
+    const float left = 1.0f - (float)k * (1.0f / TABLE_STEPS);
+    return 1.0f - (bin == FURCL_TABLE_BINS - 1u ? square(square(left)) : left);
+}
 
 __kernel void attenuation_bins(
     __global float* bins, __global const float2* rows, const FibreParams fibre,
@@ -21,8 +29,9 @@ __kernel void attenuation_bins(
     float sum[FURCL_LOBES];
     for (uint p = 0; p < FURCL_LOBES; p++) sum[p] = 0.0f;
     for (uint k = 0; k <= TABLE_STEPS; k++) {
-        const float inside = (float)k * (1.0f / TABLE_STEPS);
-        const float share = (k == 0u || k == TABLE_STEPS ? 0.5f : 1.0f) * (1.0f / TABLE_STEPS);
+        const float inside = place_in_bin(bin, k);
+        const float share = 0.5f * (place_in_bin(bin, min(k + 1u, TABLE_STEPS)) -
+                                    place_in_bin(bin, max(k, 1u) - 1u));
         const float h = ((float)bin + inside) * (1.0f / FURCL_TABLE_BINS);
         const BcsdfAtOffset b = bcsdf_at_offset(&fibre, profiles, &in, h);
         for (uint p = 0; p < FURCL_LOBES; p++)

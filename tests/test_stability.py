@@ -151,8 +151,8 @@ def test_random_numbers_at_their_ends(device, sampling):
 def test_a_lobe_of_next_to_no_energy_has_no_infinite_weight(device, sampling):
     """The random number 0 falls on the first lobe with any energy at all: here TT, of e^-100."""
     fibre = Fibre(
-        kappa=0.999999, eta=2.9, layers=0.0, sigma_ca=(50.0, 50.0, 50.0), sigma_ma=(50.0, 50.0, 50.0),
-        sigma_ms=1e-3,
+        kappa=0.999999, eta=2.9, layers=0.0, sigma_ms=1e-3,
+        sigma_ca=(50.0, 50.0, 50.0), sigma_ma=(50.0, 50.0, 50.0),
     )  # fmt: skip
     probe = probe_of(fibre, device, sampling, specialised=False)
     rng = np.random.default_rng(1)
@@ -182,6 +182,17 @@ def test_an_offset_stays_in_its_bin(device):
     )
     assert weight[lobe == 3].max() < 100
     assert np.abs(h).max() < 1
+
+
+def test_lobes_at_the_rim_are_seen_by_the_tables(device):
+    """At eta = 1.0001 TRT and the residual live within 1e-4 of |h| = 1 and vanish there: even steps
+    in the last bin missed them, weights of 3e4; measured 286."""
+    probe = probe_of(Fibre(eta=1.0001, layers=0.3), device, specialised=False)
+    rng = np.random.default_rng(2)
+    numbers = rng.random((50_000, 3, 4)).astype(np.float32) * np.float32(LAST)
+    numbers[::2, 0, 1] = 1.0 - 1e-4 * rng.random(25_000)  # the last lobe
+    _, _, _, weight, _ = probe.sample(np.array([[0.78, 0.6258, 0.0]]), n=50_000, numbers=numbers)
+    assert weight.max() < 1000
 
 
 def test_reflectance_near_index_one(device):
