@@ -139,6 +139,12 @@ def _tables(results: Mapping[str, Any]) -> str:
             + f" | {share} | {number(r['conditioning']) if r['conditioning'] else ''} | "
             f"{number(r['excess'])} |"
         )
+    weights = (
+        f"{r['lobe']} {number(r['value'])} (eta {r['worst']['fibre']['eta']:g})"
+        for r in results["rows"]
+        if r["quantity"] == "sample weight"
+    )
+    lines += ["", f"Largest sample weights, mean of the channels: {', '.join(weights)}."]
     if results["renders"]:
         lines += [
             "",
