@@ -42,16 +42,16 @@ def test_a_corrupted_queue_is_reported(renderer):
         KernelIndexError,
         match=rf"kernel intersect_closest, intersect.cl:\d+: index 4000000000 .* below {size} ",
     ):
-        stages.intersect_closest(wave, active, 0)
+        stages.intersect_closest(wave, active)
     # The record is empty again.
     _, active = _generate(renderer)
-    stages.intersect_closest(wave, active, 0)
+    stages.intersect_closest(wave, active)
 
 
 def test_a_segment_that_does_not_exist_is_reported(renderer):
     wave, active = _generate(renderer)
     stages = renderer.wavefront
-    stages.intersect_closest(wave, active, 0)
+    stages.intersect_closest(wave, active)
     plane = layout.planes(renderer.features).index("HIT_SEGMENT")
     segments = np.full(int(wave["n_slots"]), 123_456_789, np.uint32)
     cl.enqueue_copy(stages.queue, stages.state, segments, dst_offset=4 * plane * len(segments))
