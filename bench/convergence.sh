@@ -13,7 +13,7 @@ $bin/furcl bench convergence black_hair white_hair raccoon "${options[@]}" -o $o
     --size 128x128 --spp 16,32,64,128 --reference-spp 1024
 
 # Black hair in other light.
-small=(--size 64x64 --spp 16,32,64,128 --reference-spp 1024)
+small=(--size 48x48 --spp 16,32,64 --reference-spp 512)
 $bin/furcl bench convergence black_hair "${options[@]}" "${small[@]}" -o $out/black-hair-constant \
     --set 'environment={kind="constant"}'
 $bin/furcl bench convergence black_hair "${options[@]}" "${small[@]}" -o $out/black-hair-back-light \
@@ -23,7 +23,7 @@ $bin/furcl bench convergence black_hair "${options[@]}" "${small[@]}" -o $out/bl
 # spread of the weights.
 for fibre in human-black human-white raccoon; do
     $bin/furcl bench convergence single_fibre "${options[@]}" -o "$out/single-fibre-$fibre" \
-        --size 32x32 --spp 16,32,64,128 --set camera.vfov_deg=2 --set fibre.preset=$fibre
+        --size 24x24 --spp 16,32,64,128 --set camera.vfov_deg=2 --set fibre.preset=$fibre
 done
 
 $bin/python bench/results_tables.py docs/results.md
