@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
-from furcl.errors import BenchError
-from furcl.files import atomic_path
 from furcl.image import Image
 from furcl.report import convergence_plots as plots
+from furcl.report.page import load_results, write_page
 
 CROP_SPP = 256  # as the paper's crops, or the largest number below that was rendered
 _MIME = {".svg": "image/svg+xml", ".png": "image/png"}
@@ -31,43 +27,23 @@ def write_report(folder: str | Path) -> Path:
     BenchError      no results.json, or one of another kind
     """
     folder = Path(folder)
-    results = load_results(folder)
+    results = load_results(folder, "convergence")
     (folder / "plots").mkdir(exist_ok=True)
     figures = {scene["name"]: _draw(scene, folder) for scene in results["scenes"]}
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("furcl.report", ""),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    return write_page(
+        folder,
+        "convergence.html",
+        {
+            "interval": interval,
+            "plus_minus": plus_minus,
+            "verdict": verdict,
+            "number": number,
+            "data_uri": data_uri,
+            "share": share,
+        },
+        results=results,
+        figures=figures,
     )
-    environment.filters.update(
-        interval=interval,
-        plus_minus=plus_minus,
-        verdict=verdict,
-        number=number,
-        data_uri=data_uri,
-        share=share,
-    )
-    page = environment.get_template("convergence.html").render(results=results, figures=figures)
-    path = folder / "index.html"
-    with atomic_path(path) as temporary:
-        temporary.write_text(page)
-    return path
-
-
-def load_results(folder: Path) -> dict[str, Any]:
-    """The results.json of a folder; BenchError if it is not that of a convergence run."""
-    path = folder / "results.json"
-    try:
-        results = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise BenchError(
-            f"{path}: cannot be read: {error}; give the folder of a `furcl bench convergence`"
-        ) from None
-    if not str(results.get("schema", "")).startswith("furcl-convergence"):
-        raise BenchError(f"{path}: not the results of `furcl bench convergence`")
-    return results
 
 
 def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:

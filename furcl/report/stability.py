@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,40 +20,20 @@ def write_report(folder: str | Path) -> Path:
     ------
     BenchError      no results.json, or one of another kind
     """
-    import jinja2
+    from furcl.report.page import load_results, write_page
 
     folder = Path(folder)
-    results = load_results(folder)
+    results = load_results(folder, "stability")
     figure = _draw(results["parameters"])
     (folder / "plots").mkdir(exist_ok=True)
     (folder / "plots" / "parameters.svg").write_text(figure)
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("furcl.report", ""),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    return write_page(
+        folder,
+        "stability.html",
+        {"number": number},
+        results=results,
+        figure=figure,
     )
-    environment.filters["number"] = number
-    page = environment.get_template("stability.html").render(results=results, figure=figure)
-    path = folder / "index.html"
-    with atomic_path(path) as temporary:
-        temporary.write_text(page)
-    return path
-
-
-def load_results(folder: Path) -> dict[str, Any]:
-    """The results.json of a folder; BenchError if it is not that of a stability run."""
-    path = folder / "results.json"
-    try:
-        results = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise BenchError(
-            f"{path}: cannot be read: {error}; give the folder of a `furcl bench stability`"
-        ) from None
-    if not str(results.get("schema", "")).startswith("furcl-stability"):
-        raise BenchError(f"{path}: not the results of `furcl bench stability`")
-    return results
 
 
 def number(value: float) -> str:
