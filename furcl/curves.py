@@ -57,6 +57,11 @@ class Curves:
         arrays = (self.points, self.radii, self.offsets, self.colours)
         return sum(a.nbytes for a in arrays if a is not None)
 
+    @property
+    def one_radius(self) -> bool:
+        """Whether all points have the same radius, to the bit."""
+        return bool((self.radii == self.radii[0]).all())
+
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Corners (lo, hi) of the box around all points, each widened by its radius."""
         radii = self.radii.astype(np.float64)

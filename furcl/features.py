@@ -32,6 +32,7 @@ class Features:
     dropped_lobes : tuple       names of lobes left out because they carry next to nothing
     environment : str           one of ENVIRONMENTS
     light_sampling : bool       the environment is sampled too (MIS)
+    point_radii : bool          the radius differs between points of the groom
     body : bool                 an ellipsoid inside the groom
     lens : bool                 camera with a finite aperture
     filter : str                one of FILTERS
@@ -52,6 +53,7 @@ class Features:
     dropped_lobes: tuple[str, ...] = ()
     environment: str = "constant"
     light_sampling: bool = False
+    point_radii: bool = True
     body: bool = False
     lens: bool = False
     filter: str = "gaussian"

@@ -7,13 +7,16 @@ import os
 import resource
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
+import pyopencl as cl
 
 from furcl import layout, rays
 from furcl.buffers import Memory
 from furcl.bvh import build_bvh
+from furcl.curves import Curves
 from furcl.device import Device, open_device
 from furcl.environment import Environment
 from furcl.features import LOBES
@@ -54,7 +57,8 @@ class Renderer:
 
     Attributes
     ----------
-    seconds : dict[str, float]      curves, bvh, tables, compile, render [s]
+    seconds : dict[str, float]      curves, bvh, tables, compile, render [s]; the tree is built
+                                    while tables and kernels are
     samples_done : int              whole samples a pixel
 
     Raises
@@ -77,38 +81,47 @@ class Renderer:
         self.lobe_counts = np.zeros(6, np.int64)
         with self._timed("curves"):
             curves = scene.build_curves()
+        environment = Environment.from_scene(scene.environment)
+        self.environment_pixels_clamped = environment.n_negative
+        fibre = scene.build_fibre()
+        features = scene_features(scene, curves, fibre, environment)
+        if not specialised:
+            features = everything_on(features)
+        # Nothing of the kernels depends on the tree: they are compiled while it is built.
+        with ThreadPoolExecutor(1) as beside:
+            geometry = beside.submit(self._build_geometry, curves, features.point_radii)
+            with self._timed("tables"):
+                self.material = build_material(self.memory, fibre, features, drop_lobes=specialised)
+            self.features = self.material.features
+            self._prepare_stages(scene, curves, environment, wave_size)
+            self.wavefront.place(geometry.result())
+
+    def _build_geometry(self, curves: Curves, point_radii: bool) -> list[cl.Buffer | np.uint32]:
+        """Build the tree and copy it to the device."""
         with self._timed("bvh"):
             bvh = build_bvh(curves)
-            geometry = rays.upload(self.memory, bvh)
-        with self._timed("tables"):
-            environment = Environment.from_scene(scene.environment)
-            self.environment_pixels_clamped = environment.n_negative
-            fibre = scene.build_fibre()
-            features = scene_features(scene, fibre, environment)
-            self.material = build_material(
-                self.memory,
-                fibre,
-                features if specialised else everything_on(features),
-                drop_lobes=specialised,
-            )
-            self.features = self.material.features
-            light = environment.device_buffer(self.features.light_sampling)
+            geometry = rays.upload(self.memory, bvh, point_radii)
         self.n_segments = bvh.n_segments
+        return geometry
+
+    def _prepare_stages(
+        self, scene: Scene, curves: Curves, environment: Environment, wave_size: int | None
+    ) -> None:
+        """Compile the kernels and allocate what they work on."""
+        light = environment.device_buffer(self.features.light_sampling)
         self.film = Film.allocate(self.memory, scene.film.width, scene.film.height, self.features)
         with self._timed("compile"):
             self.wavefront = Wavefront(
                 self.memory,
                 self.features,
                 self.material,
-                geometry,
                 self.memory.upload("environment", light),
                 camera_struct(scene, curves),
                 body_struct(scene),
                 self.film,
+                curves.n_points,
                 wave_size or (WAVE_SIZE_CPU if self.device.is_cpu else WAVE_SIZE_GPU),
             )
-            self.wavefront.warm_up()
-        self.bvh_bytes = bvh.n_bytes
 
     @property
     def n_pixels(self) -> int:
@@ -235,7 +248,7 @@ class Renderer:
             "bytes": {
                 "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
                 "device_peak": self.memory.total_bytes,
-                "bvh": self.bvh_bytes,
+                "bvh": sum(self.memory.bytes[name] for name in rays.BUFFERS),
                 "tables": self.memory.bytes["tables"] + self.memory.bytes["profiles"],
             },
             "wave_size": self.wavefront.wave_size,

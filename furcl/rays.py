@@ -13,6 +13,9 @@ from furcl.device import Device
 from furcl.features import Features
 from furcl.layout import NO_SEGMENT
 
+#: The buffers that `upload` allocates.
+BUFFERS = ("bvh", "vertices", "strand offsets")
+
 # Rays that a work-item takes, those of them under way at a time, work-items in a group:
 # docs/performance.md tells what other numbers give.
 _CPU = (64, 12, 1)
@@ -32,15 +35,34 @@ def launch_size(device: Device, n_rays: int) -> tuple[tuple[int], tuple[int]]:
     return (max(groups, 1) * local,), (local,)
 
 
-def upload(memory: Memory, bvh: Bvh) -> list[cl.Buffer | np.uint32]:
-    """What BVH_PARAMETERS names in kernels/include/traversal.clh, in that order."""
+def _stored_vertices(vertices: NDArray[np.float32], point_radii: bool) -> NDArray[np.float32]:
+    """What kernels/include/vertices.clh reads, from (n, 4) positions and radii."""
+    if point_radii:
+        return vertices
+    stored = np.zeros(3 * len(vertices) + 2, np.float32)
+    stored[0] = vertices[0, 3]
+    stored[1:-1].reshape(-1, 3)[:] = vertices[:, :3]
+    return stored
+
+
+def upload(memory: Memory, bvh: Bvh, point_radii: bool = True) -> list[cl.Buffer | np.uint32]:
+    """What BVH_PARAMETERS names in kernels/include/traversal.clh, in that order.
+
+    Without `point_radii` (Features.point_radii), the radius of the first vertex is that of all.
+    """
     return [
         memory.upload("bvh", bvh.blocks),
-        memory.upload("vertices", bvh.vertices),
+        memory.upload("vertices", _stored_vertices(bvh.vertices, point_radii)),
         memory.upload("strand offsets", bvh.offsets),
         np.uint32(len(bvh.offsets) - 1),
         np.uint32(np.diff(bvh.offsets).max()),
     ]
+
+
+def no_geometry(memory: Memory) -> list[cl.Buffer | np.uint32]:
+    """In place of `upload`, for launches over nothing: a kernel must be given every argument."""
+    nothing = memory.upload("no geometry", np.zeros(0, np.uint32))
+    return [nothing, nothing, nothing, np.uint32(0), np.uint32(0)]
 
 
 class Rays:
@@ -87,11 +109,12 @@ class Tracer:
     ResourceError       if the tree does not fit the device
     """
 
-    def __init__(self, device: Device, bvh: Bvh) -> None:
+    def __init__(self, device: Device, bvh: Bvh, point_radii: bool = True) -> None:
         self.device = device
         self.memory = Memory(device)
-        self.geometry = upload(self.memory, bvh)
-        built = program.build(device, "intersect.cl", Features(), defines(device))
+        self.geometry = upload(self.memory, bvh, point_radii)
+        features = Features(point_radii=point_radii)
+        built = program.build(device, "intersect.cl", features, defines(device))
         self._closest = cl.Kernel(built, "trace_rays")
         self._shadow = cl.Kernel(built, "trace_shadow_rays")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from furcl.curves import Curves
 from furcl.environment import ConstantLight, Environment
 from furcl.features import Features
 from furcl.fibre import Fibre
@@ -11,8 +12,10 @@ from furcl.material import NEGLIGIBLE_SHARE, fibre_features
 from furcl.scene import Scene, triple
 
 
-def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Features:
-    """What the kernels of a scene need.
+def scene_features(
+    scene: Scene, curves: Curves, fibre: Fibre, environment: Environment
+) -> Features:
+    """What the kernels of a scene, with what is built from it, need.
 
     The environment is sampled (MIS) where `light_sampling` says so, and by "auto" unless it is
     constant: then every direction is worth the same and sampling it gains nothing. With
@@ -28,6 +31,7 @@ def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Feat
         channels=1 if grey else 3,
         environment=environment.kind,
         light_sampling=light_sampling,
+        point_radii=not curves.one_radius,
         body=scene.body is not None,
         lens=scene.camera.aperture_radius > 0.0,
         filter=scene.film.filter,
@@ -53,6 +57,7 @@ def everything_on(features: Features) -> Features:
         tilt=True,
         dropped_lobes=(),
         light_sampling=True,
+        point_radii=True,
         body=True,
         lens=True,
         roulette=True,
@@ -78,6 +83,7 @@ def _parts(features: Features) -> dict[str, tuple[bool, str]]:
         "residual": (features.residual, "render.residual is false: lobe TRRT+"),
         "colour": (features.channels == 3, "fibre, light and body are grey: one channel"),
         "light_sampling": (features.light_sampling, "the environment is not sampled"),
+        "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.body, "the scene has no body"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),

@@ -33,11 +33,13 @@ RAY_STAGES = ("intersect_closest", "intersect_shadow")
 class Wavefront:
     """Path state, queues and the kernels that work on them.
 
+    Building one compiles the kernels and needs no tree; `place` gives it one.
+
     Parameters
     ----------
-    geometry : list                 what furcl.rays.upload returns
     environment : Buffer
     camera, body : structs of layout.STRUCTS
+    n_vertices : int                of the groom, for the index checks
     wave_size : int                 slots, i.e. paths traced together
 
     Raises
@@ -52,11 +54,11 @@ class Wavefront:
         memory: Memory,
         features: Features,
         material: Material,
-        geometry: list[cl.Buffer | np.uint32],
         environment: cl.Buffer,
         camera: np.ndarray,
         body: np.ndarray,
         film: Film,
+        n_vertices: int,
         wave_size: int,
     ) -> None:
         device: Device = memory.device
@@ -64,8 +66,6 @@ class Wavefront:
         self.memory = memory
         self.features = features
         self.material = material
-        self.geometry = geometry
-        self.vertices = geometry[1]
         self.environment = environment
         self.camera = camera
         self.body = body
@@ -80,7 +80,6 @@ class Wavefront:
             if stage != "intersect_shadow" or features.light_sampling
         }
         n_planes = len(layout.planes(features))
-        n_vertices = geometry[1].size // 16
         self.checks = IndexChecks(self.queue, features, wave_size, n_vertices)
         self.state = memory.allocate("path state", 4 * n_planes * wave_size + self.checks.n_bytes)
         self.checks.clear(self.state)
@@ -94,8 +93,15 @@ class Wavefront:
         )
         self.lobe_counts = memory.allocate("lobe counts", 4 * 8, zero=True)
         self._host_counts = np.zeros(layout.N_COUNTS, np.uint32)
+        self.place(rays.no_geometry(memory))
+        self._warm_up()
 
-    def warm_up(self) -> None:
+    def place(self, geometry: list[cl.Buffer | np.uint32]) -> None:
+        """Set the tree that rays are sent through: what furcl.rays.upload returns."""
+        self.geometry = geometry
+        self.vertices = geometry[1]
+
+    def _warm_up(self) -> None:
         """Launch every stage over nothing, in the two grid sizes that runtimes compile for.
 
         CPU runtimes finish compiling a kernel when it is first launched; done here, that time

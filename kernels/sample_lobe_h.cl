@@ -6,11 +6,12 @@
    next     shade */
 #include "frame.clh"
 #include "tables.clh"
+#include "vertices.clh"
 #include "camera.clh"
 
 __kernel void sample_lobe_h(
     __global float* state, __global const uint* hit_queue, __global const uint* counts,
-    const Wave wave, const uint depth, const FibreParams fibre, __global const float4* vertices,
+    const Wave wave, const uint depth, const FibreParams fibre, __global const StoredVertex* vertices,
     __global const float* tables, __global const float* profiles, __global uint* lobe_counts)
 {
     const uint i = get_global_id(0);
@@ -21,8 +22,8 @@ __kernel void sample_lobe_h(
 #if FURCL_BODY
     if (segment == FURCL_BODY_SEGMENT) return;
 #endif
-    const float3 along = FURCL_AT(vertices, segment + 1, FURCL_N_VERTICES).xyz -
-        FURCL_AT(vertices, segment, FURCL_N_VERTICES).xyz;
+    const float3 along = VERTEX(vertices, FURCL_INDEX(segment + 1, FURCL_N_VERTICES)).xyz -
+        VERTEX(vertices, FURCL_INDEX(segment, FURCL_N_VERTICES)).xyz;
     const FibreFrame frame = fibre_frame(along, -PS_LOAD3(DIR, slot));
     const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
     const PixelSample p = pixel_of_slot(&wave, slot);

@@ -4,6 +4,7 @@
 #include "environment.clh"
 #include "frame.clh"
 #include "tables.clh"
+#include "vertices.clh"
 
 /* Adds the environment to paths that escaped; they end here.
 
@@ -53,13 +54,13 @@ static inline float distance_inside(float radius, float cos_theta)
 
 static inline Bounce scatter_at_fibre(
     __global float* state, uint n_slots, uint slot, const FibreParams* fibre,
-    __global const float4* vertices, __global const float* tables, __global const float* profiles,
+    __global const StoredVertex* vertices, __global const float* tables, __global const float* profiles,
     __global const float* environment, float4 u, float4 v, float4 light_u)
 {
     Bounce bounce;
     const uint segment = PS_U(HIT_SEGMENT, slot);
-    const float4 root = FURCL_AT(vertices, segment, FURCL_N_VERTICES);
-    const float4 tip = FURCL_AT(vertices, segment + 1, FURCL_N_VERTICES);
+    const float4 root = VERTEX(vertices, FURCL_INDEX(segment, FURCL_N_VERTICES));
+    const float4 tip = VERTEX(vertices, FURCL_INDEX(segment + 1, FURCL_N_VERTICES));
     const FibreFrame frame = fibre_frame(tip.xyz - root.xyz, -PS_LOAD3(DIR, slot));
     const Incidence in = incidence_at(fibre, frame.sin_theta, frame.cos_theta);
     const uint lobe = PS_U(LOBE, slot);
@@ -143,7 +144,7 @@ static inline Bounce scatter_at_body(
 __kernel void shade(
     __global float* state, __global const uint* hit_queue, __global uint* next_queue,
     __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
-    const FibreParams fibre, const Body body, __global const float4* vertices,
+    const FibreParams fibre, const Body body, __global const StoredVertex* vertices,
     __global const float* tables, __global const float* profiles,
     __global const float* environment)
 {

@@ -9,6 +9,7 @@ from scene_documents import fur_patch
 
 from furcl import program
 from furcl.bench import features as bench
+from furcl.curves import Curves
 from furcl.features import ENVIRONMENTS, FILTERS, Features
 from furcl.integrator import Renderer
 from furcl.material import NEGLIGIBLE_SHARE, fibre_features
@@ -30,6 +31,7 @@ VALUES = {
     "dropped_lobes": ((), ("TRT",)),
     "environment": ENVIRONMENTS,
     "light_sampling": (False, True),
+    "point_radii": (False, True),
     "body": (False, True),
     "lens": (False, True),
     "filter": FILTERS,
@@ -144,6 +146,7 @@ ABSENT = [
     ({"profile_channels": 0}, ("profile_channels(",)),
     ({"residual": False}, ("residual_attenuation",)),
     ({"light_sampling": False}, ("environment_sample", "environment_pdf", "intersect_shadow")),
+    ({"point_radii": False}, ("typedef float4 StoredVertex",)),
     ({"body": False}, ("scatter_at_body", "body_query", "PS_HIT_T")),
     ({"lens": False}, ("sin_turn",)),
     ({"statistics": False}, ("atomic_inc(lobe_counts",)),
@@ -166,7 +169,25 @@ def test_left_out_code_is_absent(changes, words):
     for word in words:
         assert word in texts["full"], f"{word} is misspelt in this test"
         assert word not in texts["lean"]
-    assert len(texts["lean"]) < len(texts["full"])
+    # Reading 12 bytes a vertex takes more text than reading 16.
+    assert len(texts["lean"]) < len(texts["full"]) or changes == {"point_radii": False}
+
+
+def test_radii_are_stored_per_point_only_where_they_differ(device, monkeypatch):
+    """12 bytes a vertex where all are equal, 16 else; the picture is the same to the bit."""
+    even = ["curves.radius_variation=0.0", "curves.tip_radius=1.0", "curves.undercoat_radius=1.0"]
+    scene = with_overrides(fur_patch(), even)
+    n = scene.build_curves().n_points
+    one = Renderer(scene, device)
+    monkeypatch.setattr(Curves, "one_radius", False)
+    each = Renderer(scene, device)
+    assert "point_radii" in one.stats()["features"]["left_out"]
+    assert "point_radii" not in each.stats()["features"]["left_out"]
+    assert one.memory.bytes["vertices"] == 4 * (3 * n + 2)
+    assert each.memory.bytes["vertices"] == 16 * n
+    for renderer in (one, each):
+        renderer.advance(2)
+    assert np.array_equal(one.image().rgb, each.image().rgb)
 
 
 def test_negligible_lobes_are_dropped_and_named(device):

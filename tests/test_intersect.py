@@ -30,6 +30,23 @@ def occluded(device, curves, origins, directions, *arguments):
     return tracer.occluded(rays)
 
 
+def test_one_radius_for_all_gives_the_same_bits(device):
+    """Hits with the radius kept once equal those with a radius per point."""
+    rng = np.random.default_rng(5)
+    curves = random_walks(rng, 60, 8, 0.2, 0.01)
+    assert curves.one_radius
+    origins, directions = rays_at(rng, curves, 2000)
+    found = []
+    for point_radii in (True, False):
+        tracer = Tracer(device, build_bvh(curves), point_radii)
+        rays = Rays(tracer.memory, origins, directions)
+        tracer.closest(rays)
+        found.append(tracer.hits(rays))
+    assert (found[0][1] != NO_SEGMENT).mean() > 0.02
+    for with_radii, without in zip(*found, strict=True):
+        assert np.array_equal(with_radii, without)
+
+
 def scaled(curves, factor, shift=0.0):
     return Curves.from_arrays(
         curves.points * np.float32(factor) + np.float32(shift),
