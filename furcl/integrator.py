@@ -28,7 +28,7 @@ from furcl.scene_io import with_overrides
 from furcl.scene_structs import body_struct, camera_struct
 from furcl.specialise import everything_on, left_out, scene_features, summary
 from furcl.version import software
-from furcl.wavefront import Wavefront
+from furcl.wavefront import QueueLengths, Wavefront
 
 log = logging.getLogger(__name__)
 
@@ -39,6 +39,9 @@ Progress = Callable[[int, int], bool | None]
 # enough that their state stays in the caches.
 WAVE_SIZE_CPU = 1 << 15
 WAVE_SIZE_GPU = 1 << 20
+
+# The device's counters of chosen lobes are read before so many rays could make them overflow.
+RAYS_PER_LOBE_COUNT = 1 << 30
 
 
 class Renderer:
@@ -77,7 +80,7 @@ class Renderer:
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
         self.seconds: dict[str, float] = {}
-        self.paths_done = self.rays = self.shadow_rays = 0
+        self.paths_done = self.rays = self.shadow_rays = self._rays_with_lobes = 0
         self.lobe_counts = np.zeros(6, np.int64)
         with self._timed("curves"):
             curves = scene.build_curves()
@@ -137,7 +140,7 @@ class Renderer:
         """Forget all samples and their statistics; the next ones have another seed."""
         self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
-        self.paths_done = self.rays = self.shadow_rays = 0
+        self.paths_done = self.rays = self.shadow_rays = self._rays_with_lobes = 0
         self.lobe_counts[:] = 0
         self.seconds.pop("render", None)
 
@@ -155,24 +158,31 @@ class Renderer:
         """
         start, first = time.perf_counter(), self.paths_done
         end = first + spp * self.n_pixels
-        try:
+        with self._timed("render"):
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
-                    return False
+                    break
                 wave = self._next_wave(end)
                 self._trace(wave)
                 self.paths_done += int(wave["n_paths"])
+                if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
+                    self._count_lobes()
                 if progress and progress(self.paths_done - first, end - first):
-                    return self.paths_done == end
-        finally:
+                    break
+            self._count_lobes()
             self.device.queue.finish()
-            self.seconds["render"] = self.seconds.get("render", 0.0) + time.perf_counter() - start
-        return True
+        return self.paths_done == end
 
     def _trace(self, wave: np.ndarray) -> None:
-        """One wave from the camera to the film."""
+        """One wave from the camera to the film.
+
+        The host is one bounce ahead of the device: a bounce is launched over as many paths as the
+        bounce before it began with, and the device, which knows better, never waits for the host.
+        """
         stages = self.wavefront
         active = stages.generate(wave)
+        self.rays += active
+        lengths = None
         for depth in range(self.scene.render.max_depth + 1):
             stages.intersect_closest(wave, active)
             stages.shade_escaped(wave, active)
@@ -180,16 +190,28 @@ class Renderer:
                 stages.sample_lobe_h(wave, active, depth)
                 stages.shade(wave, active, depth)
                 stages.intersect_shadow(wave, active)
-            counts = stages.swap()
-            self.rays += active + int(counts[layout.COUNT_SHADOWS])
-            self.shadow_rays += int(counts[layout.COUNT_SHADOWS])
-            active = int(counts[layout.COUNT_NEXT])
-            if not active:
-                break
+            before, lengths = lengths, stages.swap()
+            if before:
+                active = self._count_rays(before)
+                if not active:
+                    break
         stages.add_to_film(wave)
+        if lengths:
+            self._count_rays(lengths)
+
+    def _count_rays(self, lengths: QueueLengths) -> int:
+        """Count the rays that a bounce leads to; returns how many paths go on."""
+        active, shadows = lengths.wait()
+        self.rays += active + shadows
+        self.shadow_rays += shadows
+        return active
+
+    def _count_lobes(self) -> None:
+        """Take the counts of chosen lobes over from the device."""
         if self.features.statistics:
-            counted = stages.read_lobe_counts()
+            counted = self.wavefront.read_lobe_counts()
             self.lobe_counts[: len(counted)] += counted
+        self._rays_with_lobes = self.rays
 
     def _next_wave(self, end: int) -> np.ndarray:
         """The struct Wave of the paths from `paths_done` on."""
@@ -257,8 +279,10 @@ class Renderer:
     @contextmanager
     def _timed(self, name: str):
         start = time.perf_counter()
-        yield
-        self.seconds[name] = time.perf_counter() - start
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
 def render(

@@ -30,6 +30,41 @@ STAGES = {
 RAY_STAGES = ("intersect_closest", "intersect_shadow")
 
 
+class Stage:
+    """A kernel that is given only those arguments that changed since its last launch.
+
+    Setting all arguments of a stage takes ten times as long as launching it.
+    """
+
+    def __init__(self, kernel: cl.Kernel) -> None:
+        self._kernel = kernel
+        self._bound: list[object] = [None] * kernel.num_args
+
+    def launch(
+        self, queue: cl.CommandQueue, size: tuple[int], local: tuple[int], *arguments
+    ) -> cl.Event:
+        """Start the kernel; arguments are told apart by identity, so none may be changed."""
+        for i, argument in enumerate(arguments):
+            if argument is not self._bound[i]:
+                self._kernel.set_arg(i, argument)
+                self._bound[i] = argument
+        return cl.enqueue_nd_range_kernel(queue, self._kernel, size, local)
+
+
+class QueueLengths:
+    """Queue lengths on their way to the host."""
+
+    def __init__(self, queue: cl.CommandQueue, buffer: cl.Buffer) -> None:
+        self._counts = np.empty(layout.N_COUNTS, np.uint32)
+        self._event = cl.enqueue_copy(queue, self._counts, buffer, is_blocking=False)
+        queue.flush()
+
+    def wait(self) -> tuple[int, int]:
+        """Paths that go on, and shadow rays, of the bounce."""
+        self._event.wait()
+        return int(self._counts[layout.COUNT_NEXT]), int(self._counts[layout.COUNT_SHADOWS])
+
+
 class Wavefront:
     """Path state, queues and the kernels that work on them.
 
@@ -71,11 +106,12 @@ class Wavefront:
         self.body = body
         self.film = film
         self.wave_size = wave_size
+        self._n_slots = np.uint32(wave_size)
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
         self.keep_events = False
         extra: dict[str, dict[str, int]] = dict.fromkeys(RAY_STAGES, rays.defines(device))
-        self._kernels = {
-            stage: cl.Kernel(program.build(device, file, features, extra.get(stage)), stage)
+        self._stages = {
+            stage: Stage(cl.Kernel(program.build(device, file, features, extra.get(stage)), stage))
             for stage, file in STAGES.items()
             if stage != "intersect_shadow" or features.light_sampling
         }
@@ -92,7 +128,6 @@ class Wavefront:
             memory.allocate(f"queue lengths {name}", 4 * layout.N_COUNTS) for name in ("in", "out")
         )
         self.lobe_counts = memory.allocate("lobe counts", 4 * 8, zero=True)
-        self._host_counts = np.zeros(layout.N_COUNTS, np.uint32)
         self.place(rays.no_geometry(memory))
         self._warm_up()
 
@@ -128,7 +163,11 @@ class Wavefront:
         return n
 
     def intersect_closest(self, wave: np.ndarray, active: int) -> None:
-        """Find what every active path meets next: fills the hit and miss queues."""
+        """Find what every active path meets next: fills the hit and miss queues.
+
+        `active`, here and in the other stages, is at least the number of active paths; kernels
+        read the number itself on the device.
+        """
         fill(self.queue, self.counts, 0, 4 * layout.N_COUNTS)
         self._launch(
             "intersect_closest",
@@ -139,7 +178,7 @@ class Wavefront:
             self.misses,
             self.active_counts,
             self.counts,
-            wave["n_slots"],
+            self._n_slots,
             self.body,
             *self.geometry,
         )
@@ -196,17 +235,17 @@ class Wavefront:
                 self.state,
                 self.shadows,
                 self.counts,
-                wave["n_slots"],
+                self._n_slots,
                 self.body,
                 *self.geometry,
             )
 
-    def swap(self) -> np.ndarray:
-        """Make the next queue the active one; returns the queue lengths (layout.COUNT_*)."""
-        cl.enqueue_copy(self.queue, self._host_counts, self.counts)
+    def swap(self) -> QueueLengths:
+        """Make the next queue the active one; the lengths of the bounce's queues are sent off."""
+        lengths = QueueLengths(self.queue, self.counts)
         self.active, self.next = self.next, self.active
         self.active_counts, self.counts = self.counts, self.active_counts
-        return self._host_counts
+        return lengths
 
     def add_to_film(self, wave: np.ndarray) -> None:
         """Add the wave's finished paths to the film."""
@@ -233,7 +272,7 @@ class Wavefront:
         size, local = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,), (LOCAL_SIZE,)
         if stage in RAY_STAGES:
             size, local = rays.launch_size(self.memory.device, n)
-        event = self._kernels[stage](self.queue, size, local, *arguments)
+        event = self._stages[stage].launch(self.queue, size, local, *arguments)
         if self.keep_events:
             self.events[stage].append(event)
         self.checks.check(self.state, stage)

@@ -9,7 +9,7 @@ from scene_documents import fur_patch, single_fibre
 from scipy import stats
 
 import furcl
-from furcl import bcsdf
+from furcl import bcsdf, layout
 from furcl.integrator import Renderer
 from furcl.scene_io import with_overrides
 
@@ -28,6 +28,31 @@ def test_wave_size_changes_no_bit(device, light_sampling):
     ]
     assert _bits(images[0]) == _bits(images[1]) == _bits(images[2])
     assert images[0].stats["nonfinite"] == 0
+    for count in ("rays", "path_length", "lobes"):
+        assert images[0].stats[count] == images[1].stats[count] == images[2].stats[count]
+
+
+def test_the_host_is_one_bounce_ahead(device, monkeypatch):
+    """A bounce is launched over what the one before began with; one bounce more than needed."""
+    renderer = Renderer(fur_patch(light_sampling="mis"), device)
+    wavefront = renderer.wavefront
+    launched, began = [], []
+    intersect = wavefront.intersect_closest
+
+    def record(wave, active):
+        launched.append(active)
+        counts = renderer.memory.read(wavefront.active_counts, layout.N_COUNTS, np.uint32)
+        began.append(int(counts[layout.COUNT_NEXT]))
+        intersect(wave, active)
+
+    monkeypatch.setattr(wavefront, "intersect_closest", record)
+    renderer.advance(8)
+    assert launched == [began[0], *began[:-1]]
+    assert began[0] == 24 * 16 * 8
+    assert began[-1] == 0
+    assert began[-2] > 0
+    assert renderer.rays - renderer.shadow_rays == sum(began)
+    assert sum(renderer.lobe_counts) > 0
 
 
 def test_a_render_cut_in_two_is_the_same(device):
