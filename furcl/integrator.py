@@ -35,6 +35,9 @@ log = logging.getLogger(__name__)
 #: Called after every wave with the paths finished and the paths asked for; true stops the render.
 Progress = Callable[[int, int], bool | None]
 
+#: What the debug log says once, when the first wave is on the film.
+FIRST_SAMPLES = "first samples are there"
+
 # Paths traced together unless the caller says otherwise: enough to keep a GPU busy; on a CPU few
 # enough that their state stays in the caches.
 WAVE_SIZE_CPU = 1 << 15
@@ -164,6 +167,9 @@ class Renderer:
                     break
                 wave = self._next_wave(end)
                 self._trace(wave)
+                if not self.paths_done:
+                    self.device.queue.finish()
+                    log.debug(FIRST_SAMPLES)
                 self.paths_done += int(wave["n_paths"])
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
                     self._count_lobes()

@@ -9,6 +9,7 @@ import typer
 
 from furcl.cli.bench_convergence import convergence
 from furcl.cli.bench_stability import replay, stability
+from furcl.cli.bench_start import start
 from furcl.cli.render import scene_path
 
 app = typer.Typer(no_args_is_help=True, help="Measure; results go to a folder.")
@@ -88,6 +89,7 @@ def intersect(
 app.command()(convergence)
 app.command()(stability)
 app.command()(replay)
+app.command()(start)
 
 
 @app.command()

@@ -1,0 +1,48 @@
+"""`furcl bench start`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from furcl.cli.render import scene_path
+
+
+def start(
+    scene: Annotated[str, typer.Argument(help="A TOML scene, or one that comes with furcl.")],
+    out: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
+    device: Annotated[
+        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
+    ] = None,
+    size: Annotated[str, typer.Option(help="Film size, WIDTHxHEIGHT.")] = "512x512",
+    runs: Annotated[int, typer.Option(help="Runs with full caches.")] = 5,
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
+    ] = None,
+) -> None:
+    """Time `furcl render` to its first samples, with empty and with full caches."""
+    from furcl.bench import start as bench
+
+    results = bench.run(
+        scene_path(scene),
+        out,
+        device=device,
+        size=size,
+        warm_runs=runs,
+        overrides=overrides or (),
+    )
+    cold, warm = results["cold"], results["warm"]
+    parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in cold["parts"].items())
+    print(f"first samples, caches empty: {cold['first_samples']:.2f} s ({parts})")
+    print(
+        f"first samples, caches full: {results['warm_median']:.2f} s, the median of {len(warm)} "
+        f"({min(r['first_samples'] for r in warm):.2f} to "
+        f"{max(r['first_samples'] for r in warm):.2f}); picture written after "
+        f"{min(r['end'] for r in warm):.2f} s"
+    )
+    print(f"import furcl: {results['import_seconds']:.3f} s")
+    print(
+        f"largest variant of the kernels: {results['compile_everything_seconds']:.2f} s to compile"
+    )
