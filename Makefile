@@ -1,9 +1,10 @@
-# make demo | test | lint | types | imports | lock | clean. Each sets up what it needs in .venv.
+# make demo | test | debug-render | lint | types | imports | lock | clean. Each sets up what it needs in .venv.
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := --size 384x384 --spp 32 --time-limit 50
+DEBUG_SCENES := red_fox extreme/bright_pixel
 
-.PHONY: demo test lint types imports lock clean setup
+.PHONY: demo test debug-render lint types imports lock clean setup
 .DEFAULT_GOAL := demo
 
 # Render black hair to out/black_hair.exr and out/black_hair.png, in less than a minute.
@@ -13,6 +14,11 @@ demo: $(VENV)/.device
 # Pass pytest's options by ARGS="-k device -x".
 test: $(VENV)/.device
 	$(BIN)/python -m pytest $(ARGS)
+
+# Small renders with kernels that check their indices; an index outside its buffer is an error.
+debug-render: $(VENV)/.device
+	set -e; for scene in $(DEBUG_SCENES); do FURCL_DEBUG=1 $(BIN)/furcl render scenes/$$scene.toml \
+	    -o out/debug/$$(basename $$scene).exr --size 32x32 --spp 2; done
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -1,4 +1,8 @@
-"""Index checks of debug builds (Features.debug, FURCL_DEBUG=1): the record that kernels write."""
+"""Index checks of debug builds (Features.debug, FURCL_DEBUG=1): the records that kernels write.
+
+A buffer that is watched has a record in its last words, behind its contents, where
+kernels/include/index_checks.clh writes the first index that is outside its range.
+"""
 
 from __future__ import annotations
 
@@ -6,55 +10,75 @@ import numpy as np
 import pyopencl as cl
 
 from furcl import layout
+from furcl.buffers import Memory
 from furcl.errors import KernelIndexError
 from furcl.features import Features
 
+RECORD_BYTES = 4 * layout.CHECK_WORDS
+
+
+def upload(memory: Memory, name: str, array: np.ndarray, debug: bool) -> cl.Buffer:
+    """A buffer holding a copy of `array`; in a debug build with room for a record behind it, which
+    kernels may write.
+
+    Raises
+    ------
+    ResourceError   if the device allows no buffer of that size
+    """
+    if not debug:
+        return memory.upload(name, array)
+    array = np.ascontiguousarray(array)
+    buffer = memory.allocate(name, array.nbytes + RECORD_BYTES, zero=True)
+    if array.size:
+        cl.enqueue_copy(memory.device.queue, buffer, array)
+    return buffer
+
 
 class IndexChecks:
-    """The record behind the planes of the path state (kernels/include/index_checks.clh).
+    """The records of the buffers that a program uses.
 
     Parameters
     ----------
     queue : CommandQueue
     features : Features         nothing is done unless they have debug
-    wave_size : int             slots of the state
-    n_vertices : int            of the groom
     """
 
-    def __init__(
-        self, queue: cl.CommandQueue, features: Features, wave_size: int, n_vertices: int
-    ) -> None:
+    def __init__(self, queue: cl.CommandQueue, features: Features) -> None:
         self.enabled = features.debug
         self._queue = queue
-        self._at = 4 * len(layout.planes(features)) * wave_size
-        self._record = np.zeros(layout.CHECK_WORDS, np.uint32)
-        self._record[layout.CHECK_N_VERTICES] = n_vertices
+        self._empty: dict[cl.Buffer, np.ndarray] = {}
 
-    @property
-    def n_bytes(self) -> int:
-        """Bytes that the record takes behind the state's planes."""
-        return 4 * layout.CHECK_WORDS if self.enabled else 0
-
-    def clear(self, state: cl.Buffer) -> None:
-        """Write an empty record."""
+    def watch(self, buffer: cl.Buffer, **sizes: int) -> None:
+        """Write an empty record into the last RECORD_BYTES of a buffer, with sizes that kernels
+        compare with: `n_vertices=5` is the word CHECK_N_VERTICES of furcl.layout."""
         if self.enabled:
-            cl.enqueue_copy(self._queue, state, self._record, dst_offset=self._at)
+            empty = np.zeros(layout.CHECK_WORDS, np.uint32)
+            for name, size in sizes.items():
+                empty[getattr(layout, f"CHECK_{name.upper()}")] = size
+            self._empty[buffer] = empty
+            self._clear(buffer)
 
-    def check(self, state: cl.Buffer, kernel: str) -> None:
+    def check(self, kernel: str) -> None:
         """Wait for the kernel launched last.
 
         Raises
         ------
-        KernelIndexError    if it used an index outside its buffer: kernel, file, line, index, size
+        KernelIndexError    if it used an index outside its range: kernel, file, line, index, size
         """
-        if not self.enabled:
-            return
-        found = np.empty_like(self._record)
-        cl.enqueue_copy(self._queue, found, state, src_offset=self._at)
+        for buffer in self._empty:
+            self._check(buffer, kernel)
+
+    def _clear(self, buffer: cl.Buffer) -> None:
+        at = buffer.size - RECORD_BYTES
+        cl.enqueue_copy(self._queue, buffer, self._empty[buffer], dst_offset=at)
+
+    def _check(self, buffer: cl.Buffer, kernel: str) -> None:
+        found = np.empty(layout.CHECK_WORDS, np.uint32)
+        cl.enqueue_copy(self._queue, found, buffer, src_offset=buffer.size - RECORD_BYTES)
         failures = int(found[layout.CHECK_FAILURES])
         if not failures:
             return
-        self.clear(state)
+        self._clear(buffer)
         file = found[layout.CHECK_FILE :].tobytes().split(b"\0")[0].decode()
         raise KernelIndexError(
             f"kernel {kernel}, {file}:{found[layout.CHECK_LINE]}: index "

@@ -13,13 +13,13 @@ from contextlib import contextmanager
 import numpy as np
 import pyopencl as cl
 
-from furcl import layout, rays
+from furcl import index_checks, layout, rays
 from furcl.buffers import Memory
 from furcl.bvh import build_bvh
 from furcl.curves import Curves
 from furcl.device import Device, open_device
 from furcl.environment import Environment
-from furcl.features import LOBES
+from furcl.features import LOBES, Features
 from furcl.film import Film
 from furcl.image import Image
 from furcl.material import build_material
@@ -95,18 +95,18 @@ class Renderer:
             features = everything_on(features)
         # Nothing of the kernels depends on the tree: they are compiled while it is built.
         with ThreadPoolExecutor(1) as beside:
-            geometry = beside.submit(self._build_geometry, curves, features.point_radii)
+            geometry = beside.submit(self._build_geometry, curves, features)
             with self._timed("tables"):
                 self.material = build_material(self.memory, fibre, features, drop_lobes=specialised)
             self.features = self.material.features
             self._prepare_stages(scene, curves, environment, wave_size)
             self.wavefront.place(geometry.result())
 
-    def _build_geometry(self, curves: Curves, point_radii: bool) -> list[cl.Buffer | np.uint32]:
+    def _build_geometry(self, curves: Curves, features: Features) -> list[cl.Buffer | np.uint32]:
         """Build the tree and copy it to the device."""
         with self._timed("bvh"):
             bvh = build_bvh(curves)
-            geometry = rays.upload(self.memory, bvh, point_radii)
+            geometry = rays.upload(self.memory, bvh, features.point_radii, features.debug)
         self.n_segments = bvh.n_segments
         return geometry
 
@@ -121,7 +121,7 @@ class Renderer:
                 self.memory,
                 self.features,
                 self.material,
-                self.memory.upload("environment", light),
+                index_checks.upload(self.memory, "environment", light, self.features.debug),
                 camera_struct(scene, curves),
                 body_struct(scene),
                 self.film,

@@ -22,8 +22,9 @@ BODY_SEGMENT = 0xFFFFFFFE
 COUNT_NEXT, COUNT_HITS, COUNT_MISSES, COUNT_SHADOWS = range(4)
 N_COUNTS = 4
 
-# The record of index checks, in words behind the path state (furcl/index_checks.py).
-CHECK_FAILURES, CHECK_LINE, CHECK_INDEX, CHECK_SIZE, CHECK_N_VERTICES, CHECK_FILE = range(6)
+# The record of index checks, in words behind a buffer's contents (furcl/index_checks.py).
+CHECK_FAILURES, CHECK_LINE, CHECK_INDEX, CHECK_SIZE = range(4)
+CHECK_N_VERTICES, CHECK_N_BLOCKS, CHECK_N_FILM, CHECK_FILE = range(4, 8)
 CHECK_WORDS = 16
 
 # The tree over fibre segments (kernels/include/bvh.clh).
@@ -54,6 +55,8 @@ CONSTANTS = {
     "CHECK_INDEX": CHECK_INDEX,
     "CHECK_SIZE": CHECK_SIZE,
     "CHECK_N_VERTICES": CHECK_N_VERTICES,
+    "CHECK_N_BLOCKS": CHECK_N_BLOCKS,
+    "CHECK_N_FILM": CHECK_N_FILM,
     "CHECK_FILE": CHECK_FILE,
     "CHECK_FILE_BYTES": f"{4 * (CHECK_WORDS - CHECK_FILE)}u",
     "BVH_BLOCK_WORDS": BVH_BLOCK_WORDS,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from furcl import layout, program
+from furcl import index_checks, layout, program
 from furcl.buffers import Memory
 from furcl.features import ALL_LOBES, SCATTERED_LOBES, Features
 from furcl.fibre import Fibre
@@ -117,14 +117,15 @@ def build_material(
             profiles, packed = None, _empty_profiles(features)
     needs_tables = bins is not None and features.sampler.needs_tables
     tables = tables_from_bins(bins) if bins is not None and needs_tables else None
+    packed_tables = tables.packed if tables else np.zeros(0, np.float32)
     return Material(
         fibre,
         features,
         params,
         profiles,
         tables,
-        memory.upload("profiles", packed),
-        memory.upload("tables", tables.packed if tables else np.zeros(0, np.float32)),
+        index_checks.upload(memory, "profiles", packed, features.debug),
+        index_checks.upload(memory, "tables", packed_tables, features.debug),
     )
 
 
@@ -169,6 +170,9 @@ def _attenuation_bins(
     out = memory.allocate("bins", 4 * int(np.prod(shape)))
     kernel = cl.Kernel(program.build(device, "tables.cl", features), "attenuation_bins")
     n_items = layout.TABLE_ROWS * layout.TABLE_BINS
+    profile_buffer = index_checks.upload(memory, "profiles", profiles, features.debug)
+    checks = index_checks.IndexChecks(device.queue, features)
+    checks.watch(profile_buffer)
     kernel(
         device.queue,
         (-(-n_items // LOCAL_SIZE) * LOCAL_SIZE,),
@@ -176,6 +180,7 @@ def _attenuation_bins(
         out,
         memory.upload("rows", rows),
         params,
-        memory.upload("profiles", profiles),
+        profile_buffer,
     )
+    checks.check("attenuation_bins")
     return memory.read(out, shape)

@@ -6,12 +6,12 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from furcl import program
+from furcl import index_checks, program
 from furcl.buffers import Memory
 from furcl.bvh import Bvh
 from furcl.device import Device
 from furcl.features import Features
-from furcl.layout import NO_SEGMENT
+from furcl.layout import BVH_BLOCK_WORDS, NO_SEGMENT
 
 #: The buffers that `upload` allocates.
 BUFFERS = ("bvh", "vertices", "strand offsets")
@@ -45,15 +45,21 @@ def _stored_vertices(vertices: NDArray[np.float32], point_radii: bool) -> NDArra
     return stored
 
 
-def upload(memory: Memory, bvh: Bvh, point_radii: bool = True) -> list[cl.Buffer | np.uint32]:
+def upload(
+    memory: Memory, bvh: Bvh, point_radii: bool = True, debug: bool = False
+) -> list[cl.Buffer | np.uint32]:
     """What BVH_PARAMETERS names in kernels/include/traversal.clh, in that order.
 
     Without `point_radii` (Features.point_radii), the radius of the first vertex is that of all.
+    Debug builds have one block more, of no lanes: an index outside the tree leads there.
     """
+    blocks = bvh.blocks
+    if debug:
+        blocks = np.append(blocks.ravel(), np.zeros(BVH_BLOCK_WORDS, blocks.dtype))
     return [
-        memory.upload("bvh", bvh.blocks),
+        index_checks.upload(memory, "bvh", blocks, debug),
         memory.upload("vertices", _stored_vertices(bvh.vertices, point_radii)),
-        memory.upload("strand offsets", bvh.offsets),
+        index_checks.upload(memory, "strand offsets", bvh.offsets, debug),
         np.uint32(len(bvh.offsets) - 1),
         np.uint32(np.diff(bvh.offsets).max()),
     ]
@@ -63,6 +69,15 @@ def no_geometry(memory: Memory) -> list[cl.Buffer | np.uint32]:
     """In place of `upload`, for launches over nothing: a kernel must be given every argument."""
     nothing = memory.upload("no geometry", np.zeros(0, np.uint32))
     return [nothing, nothing, nothing, np.uint32(0), np.uint32(0)]
+
+
+def watch(
+    checks: index_checks.IndexChecks, geometry: list[cl.Buffer | np.uint32], n_vertices: int
+) -> None:
+    """Watch the indices of a tree: its record is behind the strand offsets."""
+    blocks, _, offsets = (x for x in geometry if isinstance(x, cl.Buffer))
+    n_blocks = (blocks.size - index_checks.RECORD_BYTES) // (4 * BVH_BLOCK_WORDS) - 1
+    checks.watch(offsets, n_vertices=n_vertices, n_blocks=n_blocks)
 
 
 class Rays:

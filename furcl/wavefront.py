@@ -12,7 +12,7 @@ from furcl.buffers import Memory, fill
 from furcl.device import Device
 from furcl.features import Features
 from furcl.film import Film
-from furcl.index_checks import IndexChecks
+from furcl.index_checks import RECORD_BYTES, IndexChecks
 from furcl.material import Material
 
 # One work-group size for every launch: CPU runtimes compile a kernel anew for each size.
@@ -72,7 +72,7 @@ class Wavefront:
 
     Parameters
     ----------
-    environment : Buffer
+    environment : Buffer            of furcl.index_checks.upload
     camera, body : structs of layout.STRUCTS
     n_vertices : int                of the groom, for the index checks
     wave_size : int                 slots, i.e. paths traced together
@@ -116,9 +116,13 @@ class Wavefront:
             if stage != "intersect_shadow" or features.light_sampling
         }
         n_planes = len(layout.planes(features))
-        self.checks = IndexChecks(self.queue, features, wave_size, n_vertices)
-        self.state = memory.allocate("path state", 4 * n_planes * wave_size + self.checks.n_bytes)
-        self.checks.clear(self.state)
+        self.checks = IndexChecks(self.queue, features)
+        self.n_vertices = n_vertices
+        record = RECORD_BYTES if features.debug else 0
+        self.state = memory.allocate("path state", 4 * n_planes * wave_size + record)
+        self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.planes.size // 4)
+        for buffer in (material.table_buffer, material.profile_buffer, environment):
+            self.checks.watch(buffer)
         self.active, self.next, self.hits, self.misses, self.shadows = (
             memory.allocate(f"queue {name}", 4 * wave_size)
             for name in ("active", "next", "hits", "misses", "shadows")
@@ -128,13 +132,15 @@ class Wavefront:
             memory.allocate(f"queue lengths {name}", 4 * layout.N_COUNTS) for name in ("in", "out")
         )
         self.lobe_counts = memory.allocate("lobe counts", 4 * 8, zero=True)
-        self.place(rays.no_geometry(memory))
+        self.geometry = rays.no_geometry(memory)
+        self.vertices = self.geometry[1]
         self._warm_up()
 
     def place(self, geometry: list[cl.Buffer | np.uint32]) -> None:
         """Set the tree that rays are sent through: what furcl.rays.upload returns."""
         self.geometry = geometry
         self.vertices = geometry[1]
+        rays.watch(self.checks, geometry, self.n_vertices)
 
     def _warm_up(self) -> None:
         """Launch every stage over nothing, in the two grid sizes that runtimes compile for.
@@ -275,4 +281,4 @@ class Wavefront:
         event = self._stages[stage].launch(self.queue, size, local, *arguments)
         if self.keep_events:
             self.events[stage].append(event)
-        self.checks.check(self.state, stage)
+        self.checks.check(stage)

@@ -11,10 +11,13 @@
 #include "camera.clh"
 #include "spectrum.clh"
 
+/* A pixel of a plane that another of the same size follows; checked in debug builds. */
+#define FILM_PLACE(plane) \
+    (film + FURCL_INDEX((plane) * n_pixels + pixel, FURCL_N_FILM - n_pixels))
+
 /* sum += x with the rounding error carried along (Kahan 1965). */
-static inline void add_compensated(__global float* film, uint sum_plane, uint n_pixels, uint pixel, float x)
+static inline void add_compensated(__global float* sum, uint n_pixels, float x)
 {
-    __global float* sum = film + (size_t)sum_plane * n_pixels + pixel;
     __global float* correction = sum + n_pixels;
     const float y = x - *correction;
     const float total = *sum + y;
@@ -41,15 +44,15 @@ __kernel void add_to_film(
 #endif
         const float n = (float)n_samples[pixel];
         for (uint c = 0; c < FURCL_CHANNELS; c++) {
-            const uint plane = c * (FURCL_VARIANCE ? 4u : 2u);
+            const size_t plane = c * (FURCL_VARIANCE ? 4u : 2u);
 #if FURCL_VARIANCE
             /* Welford: deviation from the mean before times deviation from the mean after. */
-            const float sum = film[(size_t)plane * n_pixels + pixel];
+            const float sum = *FILM_PLACE(plane);
             const float mean_before = n > 0.0f ? sum / n : channel[c];
             const float deviation = channel[c] - mean_before;
-            add_compensated(film, plane + 2u, n_pixels, pixel, deviation * deviation * (n / (n + 1.0f)));
+            add_compensated(FILM_PLACE(plane + 2u), n_pixels, deviation * deviation * (n / (n + 1.0f)));
 #endif
-            add_compensated(film, plane, n_pixels, pixel, channel[c]);
+            add_compensated(FILM_PLACE(plane), n_pixels, channel[c]);
         }
         n_samples[pixel] += 1u;
     }

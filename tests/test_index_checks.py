@@ -1,19 +1,38 @@
 """Debug builds: index checks that change no picture and report what is out of range."""
 
+import re
+import shutil
+import subprocess
+
+import msgspec
 import numpy as np
 import pyopencl as cl
 import pytest
 from scene_documents import fur_patch
 
-from furcl import layout
+from furcl import layout, program
 from furcl.errors import KernelIndexError
+from furcl.exr import write_exr
+from furcl.features import Features
 from furcl.integrator import Renderer
+from furcl.scene import ImageEnvironment
 
 
 @pytest.fixture
 def renderer(device, monkeypatch):
     monkeypatch.setenv("FURCL_DEBUG", "1")
     return Renderer(fur_patch(light_sampling="mis", spp=4), device)
+
+
+@pytest.fixture
+def light_picture(tmp_path):
+    """The scene in the light of a picture of 8 x 4 texels."""
+    pixels = np.random.default_rng(1).random((4, 8, 3)).astype(np.float32)
+    write_exr(tmp_path / "light.exr", {c: pixels[..., i] for i, c in enumerate("RGB")}, {})
+    scene = fur_patch(light_sampling="mis", spp=1)
+    return msgspec.structs.replace(
+        scene, environment=ImageEnvironment(file=str(tmp_path / "light.exr"))
+    )
 
 
 def test_a_debug_render_is_the_same_picture(device, renderer, monkeypatch):
@@ -57,3 +76,94 @@ def test_a_segment_that_does_not_exist_is_reported(renderer):
     cl.enqueue_copy(stages.queue, stages.state, segments, dst_offset=4 * plane * len(segments))
     with pytest.raises(KernelIndexError, match=r"sample_lobe_h, sample_lobe_h.cl:\d+: index 12345"):
         stages.sample_lobe_h(wave, active, 0)
+
+
+@pytest.mark.parametrize("kind", ["subtree", "segment"])
+def test_a_broken_tree_is_reported(renderer, kind):
+    """References of blocks that lead nowhere; a ray that follows one goes on elsewhere."""
+    wave, active = _generate(renderer)
+    stages = renderer.wavefront
+    words = np.empty(stages.geometry[0].size // 4, np.uint32)
+    cl.enqueue_copy(stages.queue, words, stages.geometry[0])
+    blocks = words[: -layout.CHECK_WORDS].reshape(-1, layout.BVH_BLOCK_WORDS)[:-1]
+    are_segments = (blocks[:, 22, None] >> (8 + np.arange(8))) & 1 == (kind == "segment")
+    in_use = (blocks[:, 22, None] >> np.arange(8)) & 1 == 1
+    assert (are_segments & in_use).any()
+    blocks[:, 24:][are_segments & in_use] = 23_456_789
+    cl.enqueue_copy(stages.queue, stages.geometry[0], words)
+    size = len(blocks) if kind == "subtree" else stages.n_vertices - 1
+    with pytest.raises(
+        KernelIndexError,
+        match=rf"kernel intersect_closest, traversal.clh:\d+: index 23456789 .* below {size} ",
+    ):
+        stages.intersect_closest(wave, active)
+
+
+# File, what is wrong in it, what replaces it; the kernel that finds it and the text of its line.
+MUTANTS = {
+    "row of the tables": (
+        "include/tables.clh", "(FURCL_TABLE_ROWS - 1), FURCL_TABLE_ROWS)", "2e3f, 2000)",
+        "sample_lobe_h", "include/samplers/attenuation_cdf.clh", "TABLE_INDEX(row.node",
+    ),
+    "bin of the profiles": (
+        "include/profiles.clh", "return min((uint)fmax(", "return 128u + min((uint)fmax(",
+        "shade", "include/profiles.clh", "PROFILE_INDEX(profile_phi_bin(",
+    ),
+    "row of the profiles": (
+        "include/profiles.clh", "upper_tau) * FURCL", "upper_tau + 4u) * FURCL",
+        "attenuation_bins", "include/profiles.clh", "r->row[i], PROFILE_ROWS) * FURCL_PROFILE_CH",
+    ),
+    "texel of the light": (
+        "include/environment.clh", "clamp((int)y0, 0, height - 1)", "(int)y0 + height",
+        "shade_escaped", "include/environment.clh", "ENV_INDEX(top,",
+    ),
+    "plane of the film": (
+        "film.cl", "plane = c *", "plane = 9u + c *",
+        "add_to_film", "film.cl", "FILM_PLACE(plane + 2u)",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_a_wrong_index_is_reported(device, tmp_path, monkeypatch, light_picture, name):
+    """Mutants of the kernels: each is found by the kernel and in the line that uses the index."""
+    file, right, wrong, kernel, found_in, line_text = MUTANTS[name]
+    folder = tmp_path / "kernels"
+    shutil.copytree(program.kernel_folder(), folder)
+    text = (folder / file).read_text()
+    assert text.count(right) == 1
+    (folder / file).write_text(text.replace(right, wrong))
+    lines = (folder / found_in).read_text().splitlines()
+    (line,) = (i for i, text in enumerate(lines, 1) if line_text in text)
+    label = found_in.split("/")[-1]
+    monkeypatch.setenv("FURCL_DEBUG", "1")
+    monkeypatch.setattr(program, "kernel_folder", lambda: folder)
+    with pytest.raises(KernelIndexError, match=rf"kernel {kernel}, {label}:{line}: index"):
+        Renderer(light_picture, device).advance(1)
+
+
+def test_release_builds_hold_no_checks():
+    """Nothing of them is left in what the compiler sees; a debug build holds them."""
+    if not shutil.which("cpp"):
+        pytest.skip("no C preprocessor (cpp) here")
+    found = {}
+    for debug in (False, True):
+        features = Features(debug=debug, environment="image", light_sampling=True, body=True)
+        found[debug] = 0
+        for kernel in (
+            "generate",
+            "intersect",
+            "shade",
+            "sample_lobe_h",
+            "film",
+            "probe",
+            "tables",
+        ):
+            text = re.sub(r"^#line.*", "", program.source(f"{kernel}.cl", features), flags=re.M)
+            seen = subprocess.run(
+                ["cpp", "-P", "-D__OPENCL_VERSION__=120"],
+                input=text, capture_output=True, text=True, check=True,
+            ).stdout  # fmt: skip
+            found[debug] += len(re.findall(r"checked_index|record|CHECK|FURCL_", seen))
+    assert found[False] == 0
+    assert found[True] > 100
