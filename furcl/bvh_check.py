@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,28 @@ from furcl.curves import Curves
 from furcl.errors import BvhError
 from furcl.layout import BVH_BLOCK_WORDS, BVH_STACK_SIZE
 
-if TYPE_CHECKING:
-    from furcl.bvh import Bvh
-
 BOXES = 1 << 16
 
 
-def check_bvh(bvh: Bvh, curves: Curves) -> None:
+@dataclass(frozen=True, eq=False)
+class BvhArrays:
+    """A tree on the host.
+
+    Attributes
+    ----------
+    blocks : (b, 32) uint32             see kernels/include/bvh.clh; block 0 is the root
+    vertices : (n_points, 4) float32    x, y, z, radius
+    offsets : (S + 1,) uint32           strand s owns vertices offsets[s] .. offsets[s + 1] - 1
+    stack_size : int                    stack entries that a traversal can need
+    """
+
+    blocks: NDArray[np.uint32]
+    vertices: NDArray[np.float32]
+    offsets: NDArray[np.uint32]
+    stack_size: int
+
+
+def check_bvh(bvh: BvhArrays, curves: Curves) -> None:
     """Check that every segment is in the tree once and inside the bounds of all lanes above it.
 
     Raises
@@ -38,7 +53,7 @@ def check_bvh(bvh: Bvh, curves: Curves) -> None:
     _check_stack(bvh, (used & ~is_segment).sum(axis=1), parent)
 
 
-def _check_copies(bvh: Bvh, curves: Curves) -> None:
+def _check_copies(bvh: BvhArrays, curves: Curves) -> None:
     if bvh.blocks.ndim != 2 or bvh.blocks.shape[1] != BVH_BLOCK_WORDS or not len(bvh.blocks):
         raise BvhError(f"blocks have shape {bvh.blocks.shape}; expected (b, {BVH_BLOCK_WORDS})")
     vertices = np.concatenate([curves.points, curves.radii[:, None]], axis=1)
@@ -130,7 +145,7 @@ def _distance(p, a, b):
     return np.sqrt(((p - a - u[:, None] * axis) ** 2).sum(axis=1))
 
 
-def _check_stack(bvh: Bvh, n_subtrees, parent) -> None:
+def _check_stack(bvh: BvhArrays, n_subtrees, parent) -> None:
     """The stack holds what all siblings on the way to any block leave on it."""
     waiting = np.maximum(n_subtrees - 1, 0)
     total = waiting.copy()

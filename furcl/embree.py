@@ -8,9 +8,12 @@ import ctypes
 import functools
 import importlib.util
 import pathlib
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from furcl.embree_callbacks import ROOT, compiled
 from furcl.errors import BvhError
 
 VERSION_MAJOR = 4
@@ -175,27 +178,46 @@ class EmbreeDevice:
             self._library.rtcReleaseDevice(self.handle)
 
 
-def build_binary_tree(primitives):
+@dataclass(frozen=True, eq=False)
+class BinaryTree:
+    """A tree with one primitive a leaf; leaves are numbered from left to right.
+
+    Attributes
+    ----------
+    nodes : (m, 4) int32        two children, each the index of a node or the complement of the
+                                number of a leaf; the first and the last leaf below; 0 is the root
+    heights : (m,) uint8        1 + that of the higher child, leaves having 0
+    """
+
+    nodes: NDArray[np.int32]
+    heights: NDArray[np.uint8]
+
+
+def build_binary_tree(primitives: NDArray) -> BinaryTree:
     """Build a binary tree with one primitive a leaf by Embree's binned SAH builder.
 
     Parameters
     ----------
-    primitives : (n,) PRIMITIVE, n >= 2     boxes and numbers; reordered in place
+    primitives : (n,) PRIMITIVE     boxes; reordered in place: primitives[i] becomes leaf i. A
+                                    single one makes a node with it on both sides.
 
     Returns
     -------
-    children : (n - 1, 2) int32             node index, or ~number of a primitive
-    bounds : (n - 1, 2, 2, 4) float32       [node, child, lower/upper, x y z unused]
+    BinaryTree      of max(n - 1, 1) nodes. Which node has which index, the root apart, depends on
+                    the timing of threads; the tree does not.
 
-    Node 0 is the root; a child has a larger index than its parent.
+    Raises
+    ------
+    BvhError    if Embree cannot be used or fails
     """
-    from furcl import embree_callbacks as callbacks
-
     n = len(primitives)
-    children = np.empty((n - 1, 2), np.int32)
-    bounds = np.empty((n - 1, 2, 2, 4), np.float32)
-    state = np.array([0, children.ctypes.data, bounds.ctypes.data], np.int64)
-    lib, device = library(), EmbreeDevice()
+    nodes, heights = np.empty((max(n - 1, 1), 4), np.int32), np.empty(max(n - 1, 1), np.uint8)
+    if n == 1:
+        nodes[0], heights[0] = (~0, ~0, 0, 0), 1
+        return BinaryTree(nodes, heights)
+    lib, device, callbacks = library(), EmbreeDevice(), compiled()
+    addresses = [array.ctypes.data for array in (primitives, nodes, heights)]
+    state = np.array([0, *addresses], np.int64)
     bvh = lib.rtcNewBVH(device.handle)
     arguments = BuildArguments(
         byte_size=ctypes.sizeof(BuildArguments),
@@ -211,10 +233,10 @@ def build_binary_tree(primitives):
         primitives=primitives.ctypes.data,
         primitive_count=n,
         primitive_capacity=n,
-        create_node=callbacks.create_node.address,
-        set_node_children=callbacks.set_node_children.address,
-        set_node_bounds=callbacks.set_node_bounds.address,
-        create_leaf=callbacks.create_leaf.address,
+        create_node=callbacks.create_node,
+        set_node_children=callbacks.set_node_children,
+        set_node_bounds=callbacks.set_node_bounds,
+        create_leaf=callbacks.create_leaf,
         user=state.ctypes.data,
     )
     try:
@@ -222,6 +244,6 @@ def build_binary_tree(primitives):
         device.check("build a tree")
     finally:
         lib.rtcReleaseBVH(bvh)
-    if root != callbacks.NODE_TAG or state[0] != n - 1:
+    if root != ROOT or state[0] != n - 1:
         raise BvhError(f"Embree built {state[0]} nodes for {n} boxes, {n - 1} are expected")
-    return children, bounds
+    return BinaryTree(nodes, heights)

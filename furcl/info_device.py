@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from furcl import bcsdf, rays
+from furcl import bcsdf, bvh
 from furcl.device import Device
 from furcl.fibre import Fibre
 from furcl.integrator import Renderer
@@ -82,7 +82,7 @@ def _describe_tables(profiles: MedullaProfiles | None, cold: float, warm: float)
 
 
 def _describe_memory(held: dict[str, int]) -> dict[str, str]:
-    groups = {"geometry": rays.BUFFERS, "tables": _TABLES, "film": _FILM}
+    groups = {"geometry": bvh.BUFFERS, "tables": _TABLES, "film": _FILM}
     sizes = {name: sum(held[part] for part in parts) for name, parts in groups.items()}
     sizes["environment"] = held["environment"]
     sizes["path state"] = sum(held.values()) - sum(sizes.values())

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 import numpy as np
 import pyopencl as cl
 
-from furcl import index_checks, layout, rays
+from furcl import index_checks, layout
 from furcl.buffers import Memory
-from furcl.bvh import build_bvh
+from furcl.bvh import BUFFERS, build_bvh
 from furcl.curves import Curves
 from furcl.device import Device, open_device
 from furcl.environment import Environment
@@ -103,12 +103,11 @@ class Renderer:
             self.wavefront.place(geometry.result())
 
     def _build_geometry(self, curves: Curves, features: Features) -> list[cl.Buffer | np.uint32]:
-        """Build the tree and copy it to the device."""
+        """Build the tree on the device."""
         with self._timed("bvh"):
-            bvh = build_bvh(curves)
-            geometry = rays.upload(self.memory, bvh, features.point_radii, features.debug)
+            bvh = build_bvh(self.memory, curves, features.point_radii, debug=features.debug)
         self.n_segments = bvh.n_segments
-        return geometry
+        return bvh.arguments()
 
     def _prepare_stages(
         self, scene: Scene, curves: Curves, environment: Environment, wave_size: int | None
@@ -275,8 +274,8 @@ class Renderer:
             "nonfinite": self.film.read_nonfinite(self.memory),
             "bytes": {
                 "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-                "device_peak": self.memory.total_bytes,
-                "bvh": sum(self.memory.bytes[name] for name in rays.BUFFERS),
+                "device_peak": self.memory.peak_bytes,
+                "bvh": sum(self.memory.bytes[name] for name in BUFFERS),
                 "tables": self.memory.bytes["tables"] + self.memory.bytes["profiles"],
             },
             "wave_size": self.wavefront.wave_size,

@@ -8,13 +8,11 @@ from numpy.typing import NDArray
 
 from furcl import index_checks, program
 from furcl.buffers import Memory
-from furcl.bvh import Bvh
+from furcl.bvh import build_bvh
+from furcl.curves import Curves
 from furcl.device import Device
 from furcl.features import Features
 from furcl.layout import BVH_BLOCK_WORDS, NO_SEGMENT
-
-#: The buffers that `upload` allocates.
-BUFFERS = ("bvh", "vertices", "strand offsets")
 
 # Rays that a work-item takes, those of them under way at a time, work-items in a group:
 # docs/performance.md tells what other numbers give.
@@ -35,38 +33,8 @@ def launch_size(device: Device, n_rays: int) -> tuple[tuple[int], tuple[int]]:
     return (max(groups, 1) * local,), (local,)
 
 
-def _stored_vertices(vertices: NDArray[np.float32], point_radii: bool) -> NDArray[np.float32]:
-    """What kernels/include/vertices.clh reads, from (n, 4) positions and radii."""
-    if point_radii:
-        return vertices
-    stored = np.zeros(3 * len(vertices) + 2, np.float32)
-    stored[0] = vertices[0, 3]
-    stored[1:-1].reshape(-1, 3)[:] = vertices[:, :3]
-    return stored
-
-
-def upload(
-    memory: Memory, bvh: Bvh, point_radii: bool = True, debug: bool = False
-) -> list[cl.Buffer | np.uint32]:
-    """What BVH_PARAMETERS names in kernels/include/traversal.clh, in that order.
-
-    Without `point_radii` (Features.point_radii), the radius of the first vertex is that of all.
-    Debug builds have one block more, of no lanes: an index outside the tree leads there.
-    """
-    blocks = bvh.blocks
-    if debug:
-        blocks = np.append(blocks.ravel(), np.zeros(BVH_BLOCK_WORDS, blocks.dtype))
-    return [
-        index_checks.upload(memory, "bvh", blocks, debug),
-        memory.upload("vertices", _stored_vertices(bvh.vertices, point_radii)),
-        index_checks.upload(memory, "strand offsets", bvh.offsets, debug),
-        np.uint32(len(bvh.offsets) - 1),
-        np.uint32(np.diff(bvh.offsets).max()),
-    ]
-
-
 def no_geometry(memory: Memory) -> list[cl.Buffer | np.uint32]:
-    """In place of `upload`, for launches over nothing: a kernel must be given every argument."""
+    """In place of `Bvh.arguments`, for launches over nothing: kernels need every argument."""
     nothing = memory.upload("no geometry", np.zeros(0, np.uint32))
     return [nothing, nothing, nothing, np.uint32(0), np.uint32(0)]
 
@@ -118,16 +86,26 @@ class Rays:
 class Tracer:
     """A groom's tree on a device, and the kernels that send plain arrays of rays through it.
 
+    Parameters
+    ----------
+    point_radii : bool      False where all points have one radius; then it is stored once
+
+    Attributes
+    ----------
+    bvh : Bvh               the tree, built here
+
     Raises
     ------
-    KernelBuildError    if intersect.cl does not compile
+    KernelBuildError    if the kernels do not compile
+    BvhError            as build_bvh
     ResourceError       if the tree does not fit the device
     """
 
-    def __init__(self, device: Device, bvh: Bvh, point_radii: bool = True) -> None:
+    def __init__(self, device: Device, curves: Curves, point_radii: bool = True) -> None:
         self.device = device
         self.memory = Memory(device)
-        self.geometry = upload(self.memory, bvh, point_radii)
+        self.bvh = build_bvh(self.memory, curves, point_radii)
+        self.geometry = self.bvh.arguments()
         features = Features(point_radii=point_radii)
         built = program.build(device, "intersect.cl", features, defines(device))
         self._closest = cl.Kernel(built, "trace_rays")

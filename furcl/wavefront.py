@@ -137,7 +137,7 @@ class Wavefront:
         self._warm_up()
 
     def place(self, geometry: list[cl.Buffer | np.uint32]) -> None:
-        """Set the tree that rays are sent through: what furcl.rays.upload returns."""
+        """Set the tree that rays are sent through: what furcl.bvh.Bvh.arguments returns."""
         self.geometry = geometry
         self.vertices = geometry[1]
         rays.watch(self.checks, geometry, self.n_vertices)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,10 @@ import pytest
 from ray_reference import random_walks, strands
 
 from furcl import embree
+from furcl.buffers import Memory
 from furcl.bvh import build_bvh
+from furcl.bvh_check import check_bvh
+from furcl.bvh_partition import split_segments, top_lanes
 from furcl.curves import Curves
 from furcl.errors import BvhError
 from furcl.layout import BVH_STACK_SIZE
@@ -65,23 +69,77 @@ GROOMS = {
 }
 
 
+ONE_CHUNK = 1 << 20
+
+
+@pytest.mark.parametrize("chunk_segments", [ONE_CHUNK, 100])
 @pytest.mark.parametrize("name", GROOMS)
-def test_holds_every_segment_once_and_inside_its_bounds(name, rng):
+def test_holds_every_segment_once_and_inside_its_bounds(device, name, chunk_segments, rng):
     curves = GROOMS[name](rng)
-    bvh = build_bvh(curves)
+    bvh = build_bvh(Memory(device), curves, chunk_segments=chunk_segments)
     bvh.validate(curves)
     assert bvh.n_segments == curves.n_segments
     assert bvh.stack_size <= BVH_STACK_SIZE
 
 
-def test_is_compact(rng):
+def test_one_radius_is_stored_once(device, rng):
+    curves = random_walks(rng, 500, 12, 0.1, 0.005)
+    bvh = build_bvh(Memory(device), curves, point_radii=False)
+    bvh.validate(curves)
+    assert bvh.n_bytes == build_bvh(Memory(device), curves).n_bytes - 4 * (curves.n_points - 2)
+
+
+@pytest.mark.parametrize("chunk_segments", [ONE_CHUNK, 10_000])
+def test_is_compact(device, chunk_segments, rng):
     curves = random_walks(rng, 20_000, 11, 0.02, 0.001)
-    assert build_bvh(curves).n_bytes / curves.n_segments < 48
+    bvh = build_bvh(Memory(device), curves, chunk_segments=chunk_segments)
+    assert bvh.n_bytes / curves.n_segments < 48
 
 
-def test_is_the_same_every_time(rng):
+@pytest.mark.parametrize("chunk_segments", [ONE_CHUNK, 10_000])
+def test_is_the_same_every_time(device, chunk_segments, rng):
     curves = random_walks(rng, 20_000, 6, 0.02, 0.001)
-    assert np.array_equal(build_bvh(curves).blocks, build_bvh(curves).blocks)
+    first, second = (
+        build_bvh(Memory(device), curves, chunk_segments=chunk_segments).read() for _ in range(2)
+    )
+    assert np.array_equal(first.blocks, second.blocks)
+
+
+@pytest.mark.parametrize("n_chunks", [2, 3, 8, 11, 100])
+def test_the_top_of_the_tree_holds_every_chunk_once(n_chunks):
+    blocks = top_lanes(n_chunks)
+    lanes = [lane for block in blocks for lane in block]
+    assert sorted(begin for begin, end in lanes if end - begin == 1) == list(range(n_chunks))
+    spans = [(block[0][0], block[-1][1]) for block in blocks]
+    assert spans[0] == (0, n_chunks)
+    assert spans[1:] == [lane for lane in lanes if lane[1] - lane[0] > 1]
+    for block in blocks:
+        assert 2 <= len(block) <= 8
+        assert all(a[1] == b[0] for a, b in itertools.pairwise(block))
+
+
+def test_chunks_are_apart(rng):
+    """Cutting by midpoints makes chunks of one size that hardly overlap."""
+    curves = random_walks(rng, 3000, 8, 0.001, 0.0001)
+    chunks = list(split_segments(curves, 7))
+    assert np.array_equal(np.sort(np.concatenate(chunks)), curves.segment_vertices())
+    assert max(map(len, chunks)) - min(map(len, chunks)) <= 7
+    boxes = [(curves.points[c].min(axis=0), curves.points[c].max(axis=0)) for c in chunks]
+    volume = sum(np.prod(hi - lo) for lo, hi in boxes)
+    assert volume < 1.1 * np.prod(np.ptp(curves.points, axis=0))
+
+
+def test_scratch_memory_is_bounded_by_the_chunk(device, rng):
+    curves = random_walks(rng, 20_000, 11, 0.02, 0.001)
+    held, peak = {}, {}
+    for chunk_segments in (ONE_CHUNK, 20_000):
+        memory = Memory(device)
+        held[chunk_segments] = build_bvh(memory, curves, chunk_segments=chunk_segments).n_bytes
+        assert memory.total_bytes == held[chunk_segments]
+        peak[chunk_segments] = memory.peak_bytes
+    blocks = held[20_000] - 16 * curves.n_points
+    assert peak[20_000] < held[20_000] + max(blocks, 150 * 20_000)
+    assert peak[ONE_CHUNK] > held[ONE_CHUNK] + 80 * curves.n_segments
 
 
 def _kinds(bvh, flag):
@@ -153,18 +211,18 @@ MUTANTS = [
 
 
 @pytest.mark.parametrize("mutate", MUTANTS, ids=lambda f: f.__name__.strip("_"))
-def test_a_corrupted_block_is_found(mutate, rng):
+def test_a_corrupted_block_is_found(device, mutate, rng):
     curves = random_walks(rng, 2000, 8, 0.05, 0.002)
-    bvh = build_bvh(curves)
+    bvh = build_bvh(Memory(device), curves).read()
     blocks = bvh.blocks.copy()
     mutate(blocks, bvh)
     with pytest.raises(BvhError):
-        replace(bvh, blocks=blocks).validate(curves)
+        check_bvh(replace(bvh, blocks=blocks), curves)
 
 
-def test_wrong_copies_are_found(rng):
+def test_wrong_copies_are_found(device, rng):
     curves = random_walks(rng, 20, 8, 0.05, 0.002)
-    bvh = build_bvh(curves)
+    bvh = build_bvh(Memory(device), curves).read()
     for changed in (
         replace(bvh, stack_size=0),
         replace(bvh, stack_size=BVH_STACK_SIZE + 1),
@@ -173,22 +231,25 @@ def test_wrong_copies_are_found(rng):
         replace(bvh, blocks=bvh.blocks[:, :-1]),
     ):
         with pytest.raises(BvhError):
-            changed.validate(curves)
+            check_bvh(changed, curves)
 
 
-def test_embree_builds_a_binary_tree_of_all_primitives(rng):
-    primitives = np.zeros(1000, embree.PRIMITIVE)
-    primitives["lower"] = rng.random((1000, 3))
+@pytest.mark.parametrize("n", [1, 2, 1000])
+def test_embree_builds_a_binary_tree_of_all_primitives(n, rng):
+    primitives = np.zeros(n, embree.PRIMITIVE)
+    primitives["lower"] = rng.random((n, 3))
     primitives["upper"] = primitives["lower"] + 0.01
-    primitives["primitive"] = rng.permutation(1000)
+    primitives["primitive"] = np.arange(n)
     boxes = primitives.copy()
-    children, bounds = embree.build_binary_tree(primitives)
-    leaves = ~children[children < 0]
-    assert np.array_equal(np.sort(leaves), np.arange(1000))
-    node, side = np.nonzero(children < 0)
-    at = np.argsort(boxes["primitive"])[leaves]
-    assert np.array_equal(bounds[node, side, 0, :3], boxes["lower"][at])
-    assert np.array_equal(bounds[node, side, 1, :3], boxes["upper"][at])
+    tree = embree.build_binary_tree(primitives)
+    assert np.array_equal(boxes[primitives["primitive"]], primitives)
+    below = {~leaf: (leaf, leaf, 0) for leaf in range(n)}  # first and last leaf, height
+    for node in np.argsort(tree.heights):
+        left, right = sorted(below[int(child)] for child in tree.nodes[node, :2])
+        assert left[1] + 1 == right[0] or n == 1
+        below[int(node)] = left[0], right[1], 1 + max(left[2], right[2])
+        assert below[int(node)] == (*tree.nodes[node, 2:], tree.heights[node])
+    assert below[0][:2] == (0, n - 1)
 
 
 def test_another_embree_is_refused():

@@ -7,7 +7,6 @@ import pytest
 from ray_reference import brute_force, random_directions, random_walks, rays_at, strands, unit
 
 from furcl import rays as rays_module
-from furcl.bvh import build_bvh
 from furcl.curves import Curves
 from furcl.embree_oracle import EmbreeScene
 from furcl.groom_io import load_curves
@@ -17,14 +16,14 @@ from furcl.rays import Rays, Tracer
 
 def trace(device, curves, origins, directions, *arguments):
     """Nearest hits on the device: t, segment, u."""
-    tracer = Tracer(device, build_bvh(curves))
+    tracer = Tracer(device, curves)
     rays = Rays(tracer.memory, origins, directions, *arguments)
     tracer.closest(rays)
     return tracer.hits(rays)
 
 
 def occluded(device, curves, origins, directions, *arguments):
-    tracer = Tracer(device, build_bvh(curves))
+    tracer = Tracer(device, curves)
     rays = Rays(tracer.memory, origins, directions, *arguments)
     tracer.shadow(rays)
     return tracer.occluded(rays)
@@ -38,7 +37,7 @@ def test_one_radius_for_all_gives_the_same_bits(device):
     origins, directions = rays_at(rng, curves, 2000)
     found = []
     for point_radii in (True, False):
-        tracer = Tracer(device, build_bvh(curves), point_radii)
+        tracer = Tracer(device, curves, point_radii)
         rays = Rays(tracer.memory, origins, directions)
         tracer.closest(rays)
         found.append(tracer.hits(rays))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from ray_reference import leaves_strand_before, strands, unit
 
-from furcl.bvh import build_bvh
 from furcl.layout import NO_SEGMENT
 from furcl.rays import Rays, Tracer
 
@@ -77,7 +76,7 @@ def leaving_rays(rng, curves, n, directions):
 
 def hits_again(device, curves, rays, t_max=np.inf):
     origins, d, segment, skip = rays
-    tracer = Tracer(device, build_bvh(curves))
+    tracer = Tracer(device, curves)
     on_device = Rays(tracer.memory, origins, d, t_max, segment, skip)
     tracer.closest(on_device)
     return tracer.hits(on_device)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,6 @@ import numpy as np
 
 from furcl.bench.ray_sets import RaySet, ray_sets
 from furcl.bench.record import circumstances, write_json
-from furcl.bvh import build_bvh
 from furcl.camera import Camera
 from furcl.curves import Curves
 from furcl.device import Device, open_device
@@ -91,12 +91,12 @@ def run(
     """
     opened = device if isinstance(device, Device) else open_device(device)
     curves, camera = groom_and_camera(groom)
-    build_bvh(GENERATORS["fibre"]())  # compiles the builder, or loads what was compiled
-    bvh = build_bvh(curves)
+    Tracer(opened, GENERATORS["fibre"]())  # compiles the kernels, or loads what was compiled
+    tracer = Tracer(opened, curves)
+    bvh, host_peak = tracer.bvh, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     start = time.perf_counter()
     scene = EmbreeScene(curves)
     embree_seconds = time.perf_counter() - start
-    tracer = Tracer(opened, bvh)
     results = {
         **circumstances(opened),
         "groom": groom,
@@ -104,6 +104,7 @@ def run(
         "segments": curves.n_segments,
         "bytes_per_segment": bvh.n_bytes / curves.n_segments,
         "build_seconds": bvh.build_seconds,
+        "build_bytes": {"host_peak": host_peak, "device_peak": tracer.memory.peak_bytes},
         "embree_build_seconds": embree_seconds,
         "rounds": rounds,
         "rays": [
