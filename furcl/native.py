@@ -1,4 +1,4 @@
-"""Small compiled helpers for code that talks to a C library: addresses, atomic counters, calls.
+"""Small helpers compiled by numba for code that calls a C library: addresses, atomic counters.
 
 Everything here can be cached on disk by numba, because no address is a compile-time constant.
 """
@@ -66,9 +66,3 @@ def floats_at(address, n):
 def words_at(address, n):
     """The `n` uint32 at an address, as an array."""
     return carray(as_pointer(address), (n,), np.uint32)
-
-
-@numba.njit(cache=True)
-def numbers_at(address, n):
-    """The `n` int64 at an address, as an array."""
-    return carray(as_pointer(address), (n,), np.int64)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -250,6 +252,14 @@ def test_embree_builds_a_binary_tree_of_all_primitives(n, rng):
         below[int(node)] = left[0], right[1], 1 + max(left[2], right[2])
         assert below[int(node)] == (*tree.nodes[node, 2:], tree.heights[node])
     assert below[0][:2] == (0, n - 1)
+
+
+def test_building_needs_no_numba():
+    """It is there for benchmarks only, and takes longer to load than a tree to build."""
+    code = "import sys, furcl.integrator; from furcl import embree_callbacks as c; c.compiled()"
+    code += "; print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
 
 
 def test_another_embree_is_refused():
