@@ -28,6 +28,7 @@ from furcl.scene_io import with_overrides
 from furcl.scene_structs import body_struct, camera_struct
 from furcl.specialise import everything_on, left_out, scene_features, summary
 from furcl.version import software
+from furcl.wave_size import WaveSize
 from furcl.wavefront import QueueLengths, Wavefront
 
 log = logging.getLogger(__name__)
@@ -37,11 +38,6 @@ Progress = Callable[[int, int], bool | None]
 
 #: What the debug log says once, when the first wave is on the film.
 FIRST_SAMPLES = "first samples are there"
-
-# Paths traced together unless the caller says otherwise: enough to keep a GPU busy; on a CPU few
-# enough that their state stays in the caches.
-WAVE_SIZE_CPU = 1 << 15
-WAVE_SIZE_GPU = 1 << 20
 
 # The device's counters of chosen lobes are read before so many rays could make them overflow.
 RAYS_PER_LOBE_COUNT = 1 << 30
@@ -57,7 +53,7 @@ class Renderer:
     ----------
     scene : Scene
     device : str, Device or None    as for `furcl.render`
-    wave_size : int or None         paths traced together
+    wave_size : int or None         paths traced together; None: what furcl.wave_size finds
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
 
@@ -115,6 +111,7 @@ class Renderer:
         """Compile the kernels and allocate what they work on."""
         light = environment.device_buffer(self.features.light_sampling)
         self.film = Film.allocate(self.memory, scene.film.width, scene.film.height, self.features)
+        self.wave_size = WaveSize(self.device, self.features, self.n_pixels, wave_size)
         with self._timed("compile"):
             self.wavefront = Wavefront(
                 self.memory,
@@ -125,7 +122,7 @@ class Renderer:
                 body_struct(scene),
                 self.film,
                 curves.n_points,
-                wave_size or (WAVE_SIZE_CPU if self.device.is_cpu else WAVE_SIZE_GPU),
+                self.wave_size.capacity,
             )
 
     @property
@@ -164,12 +161,14 @@ class Renderer:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
                     break
+                began = time.perf_counter()
                 wave = self._next_wave(end)
                 self._trace(wave)
                 if not self.paths_done:
                     self.device.queue.finish()
                     log.debug(FIRST_SAMPLES)
                 self.paths_done += int(wave["n_paths"])
+                self.wave_size.record(int(wave["n_paths"]), time.perf_counter() - began)
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
                     self._count_lobes()
                 if progress and progress(self.paths_done - first, end - first):
@@ -177,6 +176,11 @@ class Renderer:
             self._count_lobes()
             self.device.queue.finish()
         return self.paths_done == end
+
+    def settle(self) -> None:
+        """Add samples until the wave size is found, so that what follows can be timed."""
+        while self.wave_size.probing:
+            self.advance(1)
 
     def _trace(self, wave: np.ndarray) -> None:
         """One wave from the camera to the film.
@@ -224,8 +228,8 @@ class Renderer:
         wave = np.zeros((), layout.struct_dtype("Wave"))
         wave["width"], wave["height"] = self.film.width, self.film.height
         wave["first_pixel"], wave["first_sample"] = pixel, sample
-        wave["n_paths"] = min(self.wavefront.wave_size, end - self.paths_done)
-        wave["n_slots"] = self.wavefront.wave_size
+        wave["n_paths"] = min(self.wave_size.limit(), end - self.paths_done)
+        wave["n_slots"] = self.wavefront.n_slots
         wave["seed"] = self.scene.render.seed
         wave["roulette_depth"] = self.scene.render.roulette_depth
         return wave
@@ -278,7 +282,8 @@ class Renderer:
                 "bvh": sum(self.memory.bytes[name] for name in BUFFERS),
                 "tables": self.memory.bytes["tables"] + self.memory.bytes["profiles"],
             },
-            "wave_size": self.wavefront.wave_size,
+            "wave_size": self.wave_size.paths,
+            "wave_size_from": self.wave_size.origin,
         }
 
     @contextmanager
@@ -312,7 +317,8 @@ def render(
     progress : callable or None         called with (paths done, paths asked for) after every wave;
                                         stops the render by returning true
     time_limit : float or None          stop between waves after this time [s]
-    wave_size : int or None             paths traced together; changes no bit of the result
+    wave_size : int or None             paths traced together; changes no bit of the result; None:
+                                        what is fastest on the device
 
     Returns
     -------

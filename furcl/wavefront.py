@@ -75,7 +75,7 @@ class Wavefront:
     environment : Buffer            of furcl.index_checks.upload
     camera, body : structs of layout.STRUCTS
     n_vertices : int                of the groom, for the index checks
-    wave_size : int                 slots, i.e. paths traced together
+    n_slots : int                   paths that can be traced together
 
     Raises
     ------
@@ -94,7 +94,7 @@ class Wavefront:
         body: np.ndarray,
         film: Film,
         n_vertices: int,
-        wave_size: int,
+        n_slots: int,
     ) -> None:
         device: Device = memory.device
         self.queue = device.queue
@@ -105,8 +105,7 @@ class Wavefront:
         self.camera = camera
         self.body = body
         self.film = film
-        self.wave_size = wave_size
-        self._n_slots = np.uint32(wave_size)
+        self.n_slots = np.uint32(n_slots)
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
         self.keep_events = False
         extra: dict[str, dict[str, int]] = dict.fromkeys(RAY_STAGES, rays.defines(device))
@@ -119,12 +118,12 @@ class Wavefront:
         self.checks = IndexChecks(self.queue, features)
         self.n_vertices = n_vertices
         record = RECORD_BYTES if features.debug else 0
-        self.state = memory.allocate("path state", 4 * n_planes * wave_size + record)
+        self.state = memory.allocate("path state", 4 * n_planes * n_slots + record)
         self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.planes.size // 4)
         for buffer in (material.table_buffer, material.profile_buffer, environment):
             self.checks.watch(buffer)
         self.active, self.next, self.hits, self.misses, self.shadows = (
-            memory.allocate(f"queue {name}", 4 * wave_size)
+            memory.allocate(f"queue {name}", 4 * n_slots)
             for name in ("active", "next", "hits", "misses", "shadows")
         )
         # Lengths of the active queue (of the bounce before) and of the queues being filled.
@@ -150,7 +149,7 @@ class Wavefront:
         """
         wave = np.zeros((), layout.struct_dtype("Wave"))
         wave["width"] = wave["height"] = wave["n_slots"] = 1
-        for n in (LOCAL_SIZE, self.wave_size):
+        for n in (LOCAL_SIZE, int(self.n_slots)):
             fill(self.queue, self.active_counts, 0, 4)
             self._launch("generate", n, self.state, self.active, wave, self.camera)
             self.intersect_closest(wave, n)
@@ -184,7 +183,7 @@ class Wavefront:
             self.misses,
             self.active_counts,
             self.counts,
-            self._n_slots,
+            self.n_slots,
             self.body,
             *self.geometry,
         )
@@ -241,7 +240,7 @@ class Wavefront:
                 self.state,
                 self.shadows,
                 self.counts,
-                self._n_slots,
+                self.n_slots,
                 self.body,
                 *self.geometry,
             )

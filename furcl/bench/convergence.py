@@ -170,6 +170,7 @@ class _Bench:
         start = time.perf_counter()
         renderer.advance(1)
         first = time.perf_counter() - start
+        renderer.settle()
         setup = {name: renderer.seconds[name] for name in ("curves", "bvh", "tables", "compile")}
         self.state.data["setup"][f"{self.scene.name}|{sampling}"] = {
             **setup,

@@ -62,6 +62,7 @@ def run(
         pair = {name: Renderer(scene, opened, specialised=name == "specialised") for name in BUILDS}
         for renderer in pair.values():
             renderer.advance(1)
+            renderer.settle()
         seconds: dict[str, list[float]] = {name: [] for name in BUILDS}
         for _ in range(rounds):
             for name, renderer in pair.items():

@@ -57,7 +57,7 @@ def run(
         **circumstances(renderer.device),
         "scene": scene.name,
         "spp": spp,
-        "wave_size": wavefront.wave_size,
+        "wave_size": renderer.wave_size.paths,
         "features": renderer.features.as_dict(),
         "compile_seconds": renderer.seconds["compile"],
         **counted,

@@ -73,6 +73,10 @@ def render(
         float | None, typer.Option(help="Stop after so many seconds and write what is there.")
     ] = None,
     stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
+    wave_size: Annotated[
+        int | None,
+        typer.Option(min=1, help="Paths traced together; changes the speed, not the picture."),
+    ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
     ] = None,
@@ -98,7 +102,13 @@ def render(
                 report(done, total)
                 return interrupt.requested
 
-            image = furcl.render(loaded, device=device, progress=progress, time_limit=time_limit)
+            image = furcl.render(
+                loaded,
+                device=device,
+                progress=progress,
+                time_limit=time_limit,
+                wave_size=wave_size,
+            )
         written = [output, output.with_suffix(".png")]
         for path in dict.fromkeys(written):
             image.save(path)
