@@ -62,6 +62,8 @@ class Renderer:
     seconds : dict[str, float]      curves, bvh, tables, compile, render [s]; the tree is built
                                     while tables and kernels are
     samples_done : int              whole samples a pixel
+    rays, shadow_rays : int         rays of all kinds, and those to lights
+    hits, misses : int              what the others met: fibres and the body, or nothing
 
     Raises
     ------
@@ -79,8 +81,8 @@ class Renderer:
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
         self.seconds: dict[str, float] = {}
-        self.paths_done = self.rays = self.shadow_rays = self._rays_with_lobes = 0
         self.lobe_counts = np.zeros(6, np.int64)
+        self._forget_counts()
         with self._timed("curves"):
             curves = scene.build_curves()
         environment = Environment.from_scene(scene.environment)
@@ -139,9 +141,13 @@ class Renderer:
         """Forget all samples and their statistics; the next ones have another seed."""
         self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
-        self.paths_done = self.rays = self.shadow_rays = self._rays_with_lobes = 0
-        self.lobe_counts[:] = 0
+        self._forget_counts()
         self.seconds.pop("render", None)
+
+    def _forget_counts(self) -> None:
+        self.paths_done = self.rays = self.shadow_rays = self.hits = self.misses = 0
+        self._rays_with_lobes = 0
+        self.lobe_counts[:] = 0
 
     def advance(
         self,
@@ -209,10 +215,13 @@ class Renderer:
             self._count_rays(lengths)
 
     def _count_rays(self, lengths: QueueLengths) -> int:
-        """Count the rays that a bounce leads to; returns how many paths go on."""
-        active, shadows = lengths.wait()
+        """Count what a bounce met and the rays that it leads to; returns how many paths go on."""
+        counts = lengths.wait()
+        active, shadows = int(counts[layout.COUNT_NEXT]), int(counts[layout.COUNT_SHADOWS])
         self.rays += active + shadows
         self.shadow_rays += shadows
+        self.hits += int(counts[layout.COUNT_HITS])
+        self.misses += int(counts[layout.COUNT_MISSES])
         return active
 
     def _count_lobes(self) -> None:

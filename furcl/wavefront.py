@@ -59,10 +59,10 @@ class QueueLengths:
         self._event = cl.enqueue_copy(queue, self._counts, buffer, is_blocking=False)
         queue.flush()
 
-    def wait(self) -> tuple[int, int]:
-        """Paths that go on, and shadow rays, of the bounce."""
+    def wait(self) -> np.ndarray:
+        """The lengths (layout.COUNT_*), (N_COUNTS,) uint32."""
         self._event.wait()
-        return int(self._counts[layout.COUNT_NEXT]), int(self._counts[layout.COUNT_SHADOWS])
+        return self._counts
 
 
 class Wavefront:

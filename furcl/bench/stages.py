@@ -2,97 +2,152 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from furcl.bench.record import circumstances, write_json
+from furcl.bench.stage_bytes import bytes_per_item
 from furcl.device import Device, open_device
+from furcl.features import Features
 from furcl.integrator import Renderer
+from furcl.scene import Scene
 from furcl.scene_io import load_scene
+from furcl.wavefront import RAY_STAGES
 
-WARM_UP_SPP = 1
+log = logging.getLogger(__name__)
+
+# What a stage works on; the counts of a round hold a number for each.
+ITEMS = {
+    "generate": "paths",
+    "intersect_closest": "closest_rays",
+    "shade_escaped": "misses",
+    "sample_lobe_h": "hits",
+    "shade": "hits",
+    "intersect_shadow": "shadow_rays",
+    "add_to_film": "paths",
+}
 
 
 def run(
-    scene_path: str | os.PathLike[str],
+    scenes: Sequence[str | os.PathLike[str]],
     out: str | os.PathLike[str],
     *,
     device: str | Device | None = None,
     spp: int = 8,
+    rounds: int = 1,
+    wave_size: int | None = None,
     overrides: Iterable[str] = (),
 ) -> dict[str, Any]:
-    """Render a scene and time every kernel by OpenCL's own events.
+    """Render scenes and time every kernel by OpenCL's own events.
 
-    Compilation is over before the clock starts: one sample a pixel is rendered first. Writes
-    results.json to `out`.
+    Kernels are compiled and the wave size is found before the clock starts. Of several rounds of
+    `spp` samples, the one of median time is reported. Writes results.json to `out`.
 
     Returns
     -------
-    dict    `stages`: per kernel launches, ms, share of the time in kernels, and a rate in million
-            paths or rays a second; `wall_seconds`; `busy`: time in kernels over wall time
+    dict    `scenes`: what `measure` returns for each
 
     Raises
     ------
     SceneError, GroomError, DeviceError and what else a render raises
     """
-    scene = load_scene(scene_path, overrides=overrides)
-    renderer = Renderer(scene, device if isinstance(device, Device) else open_device(device))
-    renderer.advance(WARM_UP_SPP)
-    paths, rays, hits = renderer.paths_done, renderer.rays, int(renderer.lobe_counts.sum())
-    wavefront = renderer.wavefront
-    wavefront.keep_events = True
-    start = time.perf_counter()
-    renderer.advance(spp)
-    wall = time.perf_counter() - start
-    counted = {
-        "paths": renderer.paths_done - paths,
-        "rays": renderer.rays - rays,
-        "fibre_hits": int(renderer.lobe_counts.sum()) - hits,
-    }
-    stages = _stage_rows(wavefront.events, counted)
-    results = {
-        **circumstances(renderer.device),
-        "scene": scene.name,
-        "spp": spp,
-        "wave_size": renderer.wave_size.paths,
-        "features": renderer.features.as_dict(),
-        "compile_seconds": renderer.seconds["compile"],
-        **counted,
-        "wall_seconds": wall,
-        "busy": sum(row["ms"] for row in stages) / 1e3 / wall,
-        "mrays_s": counted["rays"] / wall / 1e6,
-        "mpaths_s": counted["paths"] / wall / 1e6,
-        "stages": stages,
-    }
+    opened = device if isinstance(device, Device) else open_device(device)
+    overrides = list(overrides)
+    rows = []
+    for path in scenes:
+        scene = load_scene(path, overrides=overrides)
+        log.info("%s", scene.name)
+        rows.append(measure(scene, opened, spp, rounds, wave_size))
+    results = {**circumstances(opened), "spp": spp, "rounds": rounds, "scenes": rows}
     write_json(results, Path(out) / "results.json")
     return results
 
 
-# What a kernel's rate counts.
-_WORK = {
-    "generate": "paths",
-    "intersect_closest": "rays",
-    "intersect_shadow": "rays",
-    "shade_escaped": "paths",
-    "sample_lobe_h": "fibre_hits",
-    "shade": "fibre_hits",
-    "add_to_film": "paths",
-}
+def measure(
+    scene: Scene, device: Device, spp: int, rounds: int = 1, wave_size: int | None = None
+) -> dict[str, Any]:
+    """Time the stages of one scene.
+
+    Returns
+    -------
+    dict    `stages`: per kernel launches, ms, share of the time in kernels, a rate in million
+            items a second, bytes an item (`furcl.bench.stage_bytes`) and GB/s; `wall_seconds`;
+            `launch_overhead`: share of the wall time in which no kernel runs; `mrays_s`,
+            `mpaths_s` of the render; `intersect_mrays_s`: the same rays over the time of the
+            intersect kernels alone; `end_to_end`: the first over the second
+    """
+    renderer = Renderer(scene, device, wave_size)
+    renderer.advance(1)
+    renderer.settle()
+    found = sorted((_round(renderer, spp) for _ in range(rounds)), key=lambda r: r["wall_seconds"])
+    return {
+        "scene": scene.name,
+        "segments": renderer.n_segments,
+        "size": [scene.film.width, scene.film.height],
+        "wave_size": renderer.wave_size.paths,
+        "wave_size_from": renderer.wave_size.origin,
+        "features": renderer.features.as_dict(),
+        "compile_seconds": renderer.seconds["compile"],
+        **found[len(found) // 2],
+    }
 
 
-def _stage_rows(events: dict, counted: dict[str, int]) -> list[dict[str, Any]]:
+def _counts(renderer: Renderer) -> dict[str, int]:
+    return {
+        "paths": renderer.paths_done,
+        "rays": renderer.rays,
+        "closest_rays": renderer.rays - renderer.shadow_rays,
+        "shadow_rays": renderer.shadow_rays,
+        "hits": renderer.hits,
+        "misses": renderer.misses,
+    }
+
+
+def _round(renderer: Renderer, spp: int) -> dict[str, Any]:
+    wavefront, before = renderer.wavefront, _counts(renderer)
+    wavefront.events.clear()
+    wavefront.keep_events = True
+    start = time.perf_counter()
+    renderer.advance(spp)
+    wall = time.perf_counter() - start
+    counted = {name: number - before[name] for name, number in _counts(renderer).items()}
+    stages = _stage_rows(wavefront.events, counted, renderer.features)
+    tracing = sum(row["ms"] for row in stages if row["stage"] in RAY_STAGES) / 1e3
+    return {
+        **counted,
+        "wall_seconds": wall,
+        "launch_overhead": 1.0 - sum(row["ms"] for row in stages) / 1e3 / wall,
+        "mrays_s": counted["rays"] / wall / 1e6,
+        "mpaths_s": counted["paths"] / wall / 1e6,
+        "intersect_mrays_s": counted["rays"] / tracing / 1e6,
+        "end_to_end": tracing / wall,
+        "stages": stages,
+    }
+
+
+def _stage_rows(
+    events: dict[str, list[Any]], counted: dict[str, int], features: Features
+) -> list[dict[str, Any]]:
     rows = []
     for stage, launches in events.items():
         ms = sum(e.profile.end - e.profile.start for e in launches) / 1e6
-        rows.append({"stage": stage, "launches": len(launches), "ms": ms, "counts": _WORK[stage]})
+        items, size = counted[ITEMS[stage]], bytes_per_item(stage, features)
+        rows.append(
+            {
+                "stage": stage,
+                "launches": len(launches),
+                "ms": ms,
+                "counts": ITEMS[stage],
+                "million_per_second": items / ms / 1e3 if ms else 0.0,
+                "bytes_per_item": size,
+                "gb_per_second": items * size / ms / 1e6 if ms else 0.0,
+            }
+        )
     total = sum(row["ms"] for row in rows)
-    # Closest and shadow rays are counted together, so their kernels share one rate.
-    tracing = sum(row["ms"] for row in rows if row["counts"] == "rays")
     for row in rows:
-        ms = tracing if row["counts"] == "rays" else row["ms"]
         row["share"] = row["ms"] / total
-        row["million_per_second"] = counted[row["counts"]] / ms / 1e3 if ms else 0.0
     return rows

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from furcl.cli.bench_convergence import convergence
 from furcl.cli.bench_stability import replay, stability
+from furcl.cli.bench_stages import stages, waves
 from furcl.cli.bench_start import start
+from furcl.cli.console import print_table
 from furcl.cli.render import scene_path
 
 app = typer.Typer(no_args_is_help=True, help="Measure; results go to a folder.")
@@ -21,44 +23,6 @@ DeviceName = Annotated[
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
 ]
-
-
-def print_table(columns: list[str], rows: list[list[Any]]) -> None:
-    """Print rows under headings; floats with four digits."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(*columns)
-    for row in rows:
-        table.add_row(*[f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row])
-    Console().print(table)
-
-
-@app.command()
-def stages(
-    scene: Annotated[str, typer.Argument(help="A TOML scene, or one that comes with furcl.")],
-    out: Out,
-    device: DeviceName = None,
-    spp: Annotated[int, typer.Option(help="Samples per pixel that are timed.")] = 8,
-    overrides: Overrides = None,
-) -> None:
-    """Time every kernel of a render."""
-    from furcl.bench import stages as bench
-
-    results = bench.run(scene_path(scene), out, device=device, spp=spp, overrides=overrides or ())
-    rows = [
-        [
-            r["stage"],
-            r["launches"],
-            r["ms"],
-            f"{r['share']:.1%}",
-            r["million_per_second"],
-            r["counts"],
-        ]
-        for r in results["stages"]
-    ]
-    print_table(["kernel", "launches", "ms", "share", "million/s", "of"], rows)
-    print(f"{results['mrays_s']:.3f} M rays/s; kernels are busy {results['busy']:.1%} of the time")
 
 
 @app.command()
@@ -86,6 +50,8 @@ def intersect(
     print_table(columns, [[*row[:-1], f"{row[-1]:.0e}"] for row in rows])
 
 
+app.command()(stages)
+app.command()(waves)
 app.command()(convergence)
 app.command()(stability)
 app.command()(replay)

@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Any, Protocol
 
 from rich.console import Console
 
@@ -26,6 +26,16 @@ def set_up_logging(*, verbose: bool, quiet: bool) -> None:
     log.handlers[:] = [_Handler()]
     log.propagate = False
     log.setLevel(logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO)
+
+
+def print_table(columns: list[str], rows: list[list[Any]]) -> None:
+    """Print rows under headings; floats with four digits."""
+    from rich.table import Table
+
+    table = Table(*columns)
+    for row in rows:
+        table.add_row(*[f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row])
+    Console().print(table)
 
 
 class Report(Protocol):

@@ -1,0 +1,85 @@
+"""`furcl bench stages` and `furcl bench waves`: where the time of renders goes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from furcl.cli.console import print_table
+from furcl.cli.render import scene_path
+
+Scenes = Annotated[list[str], typer.Argument(help="TOML scenes, or names of furcl's own.")]
+Out = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
+DeviceName = Annotated[
+    str | None, typer.Option("--device", help="Number in `furcl devices`, P:D, or part of a name.")
+]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
+]
+
+
+def stages(
+    scenes: Scenes,
+    out: Out,
+    device: DeviceName = None,
+    spp: Annotated[int, typer.Option(help="Samples per pixel that are timed.")] = 8,
+    rounds: Annotated[int, typer.Option(min=1, help="The one of median time is shown.")] = 1,
+    wave_size: Annotated[int | None, typer.Option(min=1, help="Paths traced together.")] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Time every kernel of renders, and the renders beside their rays alone."""
+    from furcl.bench import stages as bench
+
+    results = bench.run(
+        [scene_path(scene) for scene in scenes],
+        out,
+        device=device,
+        spp=spp,
+        rounds=rounds,
+        wave_size=wave_size,
+        overrides=overrides or (),
+    )
+    keys = ["stage", "launches", "ms", "share", "million_per_second", "counts", "bytes_per_item",
+            "gb_per_second"]  # fmt: skip
+    columns = ["kernel", "launches", "ms", "share", "million/s", "of", "bytes each", "GB/s"]
+    for scene in results["scenes"]:
+        print(f"{scene['scene']}: waves of {scene['wave_size']} ({scene['wave_size_from']})")
+        print_table(columns, [[row[key] for key in keys] for row in scene["stages"]])
+    keys = ["scene", "mpaths_s", "mrays_s", "intersect_mrays_s", "end_to_end", "launch_overhead"]
+    columns = ["scene", "M paths/s", "M rays/s", "intersect alone", "end to end", "launches"]
+    print_table(columns, [[scene[key] for key in keys] for scene in results["scenes"]])
+
+
+def waves(
+    scenes: Scenes,
+    out: Out,
+    sizes: Annotated[str, typer.Option(help="Paths; compared with the first.")] = (
+        "32768,16384,65472,131072"
+    ),
+    device: DeviceName = None,
+    spp: Annotated[int, typer.Option(help="Samples per pixel of a round.")] = 1,
+    rounds: Annotated[int, typer.Option(min=1, help="Rounds of every size.")] = 7,
+    overrides: Overrides = None,
+) -> None:
+    """Compare wave sizes, and the one that a probe chooses."""
+    from furcl.bench import waves as bench
+
+    try:
+        numbers = [int(size) for size in sizes.split(",")]
+    except ValueError:
+        raise typer.BadParameter(f"{sizes!r}: give numbers such as 32768,65472") from None
+    results = bench.run(
+        [scene_path(scene) for scene in scenes],
+        out,
+        sizes=numbers,
+        device=device,
+        spp=spp,
+        rounds=rounds,
+        overrides=overrides or (),
+    )
+    for scene in results["scenes"]:
+        print(f"{scene['scene']}: {scene['chosen']} chosen ({scene['chosen_from']})")
+        rows = [[row["size"], row["mpaths_s"], row["ratio"]] for row in scene["rows"]]
+        print_table(["paths", "M paths/s", "times faster"], rows)
