@@ -46,6 +46,20 @@ class Memory:
         finally:
             self.peak_bytes = max(self.peak_bytes, self.total_bytes + scratch.peak_bytes)
 
+    def grow(self, name: str, buffer: cl.Buffer, n_bytes: int, zero: bool = False) -> cl.Buffer:
+        """As `allocate`, for more than `buffer` of that name holds, which is copied and released.
+
+        Raises
+        ------
+        ResourceError   if the device allows no buffer of that size
+        """
+        smaller = f"{name}, smaller"
+        self.bytes[smaller] = self.bytes.pop(name)
+        larger = self.allocate(name, n_bytes, zero)
+        cl.enqueue_copy(self.device.queue, larger, buffer, byte_count=self.bytes[smaller])
+        self.release(smaller, buffer)
+        return larger
+
     def release(self, name: str, buffer: cl.Buffer) -> None:
         """Give a buffer back; commands that are under way may still use it."""
         del self.bytes[name]

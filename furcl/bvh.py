@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 
@@ -12,13 +13,13 @@ from numpy.typing import NDArray
 from furcl import index_checks
 from furcl.buffers import Memory
 from furcl.bvh_check import BvhArrays, check_bvh
-from furcl.bvh_chunk import Chunk, ChunkBuilder
-from furcl.bvh_partition import split_segments, top_blocks, top_lanes
+from furcl.bvh_chunk import ChunkBuilder
+from furcl.bvh_partition import Partition, top_blocks, top_lanes
 from furcl.curves import Curves
 from furcl.errors import BvhError
 from furcl.layout import BVH_BLOCK_WORDS, BVH_STACK_SIZE
 
-#: Segments that are built at once: bounds the memory that building needs, about 300 bytes each.
+#: Segments that are built at once: bounds the memory that building needs, about 200 bytes each.
 CHUNK_SEGMENTS = 1 << 20
 
 #: The buffers that `build_bvh` leaves in the memory that it is given.
@@ -26,6 +27,8 @@ BUFFERS = ("bvh", "vertices", "strand offsets")
 
 _BLOCK_BYTES = 4 * BVH_BLOCK_WORDS
 _UPLOAD_POINTS = 1 << 18
+#: How much larger than the chunks so far let expect the buffer of a tree of many chunks is made.
+_ROOM = 1.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,7 @@ class Bvh:
     @property
     def n_bytes(self) -> int:
         """Memory on the device [bytes]."""
-        return _BLOCK_BYTES * self.n_blocks + self.vertices.size + 4 * (self.n_strands + 1)
+        return self.blocks.size + self.vertices.size + self.offsets.size
 
     def arguments(self) -> list[cl.Buffer | np.uint32]:
         """What BVH_PARAMETERS names in kernels/include/traversal.clh, in that order."""
@@ -114,8 +117,8 @@ def build_bvh(
                                 (Features.point_radii)
     debug : bool                room for what debug builds need: behind the blocks one of no lanes,
                                 where indices outside the tree lead, and records of index checks
-    chunk_segments : int        larger grooms are built in chunks of that many segments or a few
-                                less, under some blocks of boxes
+    chunk_segments : int        larger grooms are built in 8, 64, ... chunks, of at most about that
+                                many segments each, under blocks of boxes
 
     Raises
     ------
@@ -124,34 +127,31 @@ def build_bvh(
     """
     start = time.perf_counter()
     vertices = _upload_vertices(memory, curves, point_radii)
-    lo, hi = curves.bounds()
-    builder = ChunkBuilder(memory, vertices, point_radii, float((hi - lo).max()))
+    n_chunks = 1
+    while n_chunks * chunk_segments < curves.n_segments:
+        n_chunks *= 8  # as many as fill the lanes of the blocks above them
     spare_bytes = _BLOCK_BYTES + index_checks.RECORD_BYTES if debug else 0
-    n_chunks = -(-curves.n_segments // chunk_segments)
-    if n_chunks == 1:
-        segments = curves.segment_vertices().view(np.uint32)
-        tree = builder.build("bvh", segments, 0, spare_bytes)
-    else:
-        tree = _build_chunks(memory, builder, curves, n_chunks, spare_bytes)
-    if tree.stack_size > BVH_STACK_SIZE:
+    blocks, n_blocks, stack_size = _build_blocks(
+        memory, curves, vertices, point_radii, n_chunks, spare_bytes
+    )
+    if stack_size > BVH_STACK_SIZE:
         raise BvhError(
-            f"the tree of {curves.n_segments} segments needs a stack of {tree.stack_size} entries, "
+            f"the tree of {curves.n_segments} segments needs a stack of {stack_size} entries, "
             f"kernels have {BVH_STACK_SIZE}; the groom is extremely uneven: split it"
         )
+    offsets = curves.offsets.astype(np.uint32)
     return Bvh(
         memory=memory,
-        blocks=tree.blocks,
+        blocks=blocks,
         vertices=vertices,
         point_radii=point_radii,
-        offsets=index_checks.upload(
-            memory, "strand offsets", curves.offsets.astype(np.uint32), debug
-        ),
-        n_blocks=tree.n_blocks,
+        offsets=index_checks.upload(memory, "strand offsets", offsets, debug),
+        n_blocks=n_blocks,
         n_points=curves.n_points,
         n_strands=curves.n_strands,
         n_segments=curves.n_segments,
         longest_strand=int(np.diff(curves.offsets).max()),
-        stack_size=tree.stack_size,
+        stack_size=stack_size,
         build_seconds=time.perf_counter() - start,
     )
 
@@ -179,35 +179,51 @@ def _write(memory: Memory, buffer: cl.Buffer, array: NDArray, offset: int) -> No
     cl.enqueue_copy(memory.device.queue, buffer, array, dst_offset=offset, is_blocking=True)
 
 
-def _build_chunks(
-    memory: Memory, builder: ChunkBuilder, curves: Curves, n_chunks: int, spare_bytes: int
-) -> Chunk:
-    """Build chunk after chunk, then put their blocks behind those over them."""
-    lanes = top_lanes(n_chunks)
-    chunks: list[Chunk] = []
-    first_blocks = [len(lanes)]
-    for i, segments in enumerate(split_segments(curves, n_chunks)):
-        chunks.append(builder.build(_name(i), segments, first_blocks[i]))
-        first_blocks.append(first_blocks[i] + chunks[i].n_blocks)
-    boxes = np.array([chunk.box for chunk in chunks])
-    stacks = np.array([chunk.stack_size for chunk in chunks])
-    top, stack_size = top_blocks(lanes, boxes, np.array(first_blocks[:-1], np.uint32), stacks)
-    n_blocks = first_blocks[-1]
-    queue = memory.device.queue
-    blocks = memory.allocate("bvh", _BLOCK_BYTES * n_blocks + spare_bytes, zero=spare_bytes > 0)
-    cl.enqueue_copy(queue, blocks, top, is_blocking=True)
-    for i, chunk in enumerate(chunks):
-        cl.enqueue_copy(
-            queue,
-            blocks,
-            chunk.blocks,
-            byte_count=_BLOCK_BYTES * chunk.n_blocks,
-            dst_offset=_BLOCK_BYTES * first_blocks[i],
-        ).wait()
-        memory.release(_name(i), chunk.blocks)
-    box = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-    return Chunk(blocks, n_blocks, stack_size, box)
+def _build_blocks(
+    memory: Memory,
+    curves: Curves,
+    vertices: cl.Buffer,
+    point_radii: bool,
+    n_chunks: int,
+    spare_bytes: int,
+) -> tuple[cl.Buffer, int, int]:
+    """Build chunk after chunk behind the blocks over them; blocks, their number, stack size."""
+    if n_chunks == 1:
+        chunks, sizes = [curves.segment_vertices().view(np.uint32)], [curves.n_segments]
+    else:
+        chunks = Partition(curves, n_chunks)
+        sizes = chunks.sizes
+    lanes = top_lanes(len(sizes))
+    lo, hi = curves.bounds()
+    blocks = memory.allocate("bvh", _BLOCK_BYTES)  # grows with what is learnt of the chunks
+    roots, ends = [], [len(lanes)]
+    with memory.scratch() as scratch:
+        builder = ChunkBuilder(
+            scratch, vertices, point_radii, float((hi - lo).max()), capacity=max(sizes)
+        )
+        for i, segments in enumerate(chunks):
+            roots.append(builder.plan(segments))
+            ends.append(ends[-1] + roots[-1].n_blocks)
+            share = sum(sizes[: i + 1]) / curves.n_segments
+            blocks = _with_room(memory, blocks, ends[-1], share, spare_bytes)
+            builder.write(blocks, first_block=ends[-2])
+        memory.device.queue.finish()
+    if not lanes:
+        return blocks, ends[-1], roots[0].stack_size
+    boxes = np.array([root.box for root in roots])
+    stacks = [root.stack_size for root in roots]
+    top, stack_size = top_blocks(lanes, boxes, ends[:-1], stacks)
+    _write(memory, blocks, top, 0)
+    return blocks, ends[-1], stack_size
 
 
-def _name(chunk: int) -> str:
-    return f"bvh of chunk {chunk}"
+def _with_room(
+    memory: Memory, blocks: cl.Buffer, n_blocks: int, share: float, spare_bytes: int
+) -> cl.Buffer:
+    """A buffer for `n_blocks` blocks, or for the rest too if they are a `share` of the tree."""
+    if blocks.size >= _BLOCK_BYTES * n_blocks + spare_bytes:
+        return blocks
+    if share < 1.0:
+        n_blocks = max(n_blocks, math.ceil(_ROOM * n_blocks / share))
+    n_bytes = _BLOCK_BYTES * n_blocks + spare_bytes
+    return memory.grow("bvh", blocks, n_bytes, zero=spare_bytes > 0)

@@ -12,147 +12,139 @@ from numpy.typing import NDArray
 from furcl import embree, program
 from furcl.buffers import Memory
 from furcl.features import Features
-from furcl.layout import BVH_BLOCK_WORDS
 
 LOCAL_SIZE = 64
 NOWHERE = 0xFFFFFFFF
-# Bytes of a node in the buffers of kernels/bvh_build.cl.
-SUMMARY_BYTES, COST_BYTES, CHOICE_BYTES, PLACE_BYTES = 32, 32, 8, 8
+# Bytes of a node, or of a segment, in the buffers of kernels/bvh_build.cl.
+BUFFERS = {
+    "segments": 4,
+    "boxes, then costs": embree.PRIMITIVE.itemsize,
+    "leaves": 4,
+    "nodes": 16,
+    "by height": 4,
+    "summaries": 32,
+    "choices": 8,
+    "places": 8,
+}
 
 
 @dataclass(frozen=True, eq=False)
-class Chunk:
-    """Blocks of one chunk on the device.
+class Root:
+    """What is known of a chunk before its blocks are written.
 
     Attributes
     ----------
-    blocks : cl.Buffer              (n_blocks, 32) uint32, see kernels/include/bvh.clh
     n_blocks, stack_size : int      as of furcl.bvh.Bvh
     box : (2, 3) float32            lower and upper corner of all its segments with their radii
     """
 
-    blocks: cl.Buffer
     n_blocks: int
     stack_size: int
     box: NDArray[np.float32]
 
 
 class ChunkBuilder:
-    """Builds chunks of one groom, whose vertices are on the device.
+    """Builds chunks of one groom, whose vertices are on the device, one after the other.
 
     Parameters
     ----------
-    memory : Memory             of the device; takes the blocks under the names given to `build`
+    scratch : Memory            takes BUFFERS, which all chunks share
     vertices : cl.Buffer        of the whole groom, see kernels/include/vertices.clh
     point_radii : bool          whether they have a radius each
     size : float                of the groom, any measure of it
+    capacity : int              segments of the largest chunk
 
     Raises
     ------
-    KernelBuildError
+    KernelBuildError, ResourceError
     """
 
-    def __init__(self, memory: Memory, vertices: cl.Buffer, point_radii: bool, size: float) -> None:
-        self.memory = memory
-        self.vertices = vertices
-        self.inverse_size = np.float32(1.0 / size)
-        built = program.build(memory.device, "bvh_build.cl", Features(point_radii=point_radii))
+    def __init__(
+        self, scratch: Memory, vertices: cl.Buffer, point_radii: bool, size: float, capacity: int
+    ) -> None:
+        self._scratch = scratch
+        self._vertices = vertices
+        self._inverse_size = np.float32(1.0 / size)
+        self._buffers = {
+            name: scratch.allocate(name, n_bytes * capacity) for name, n_bytes in BUFFERS.items()
+        }
+        self._primitives = np.empty(capacity, embree.PRIMITIVE)
+        self._levels: list[tuple[int, int]] = []
+        self._n_blocks = 0
+        built = program.build(scratch.device, "bvh_build.cl", Features(point_radii=point_radii))
         names = ("bound_segments", "summarise", "place_blocks", "fill_blocks")
         self._bound, self._summarise, self._place, self._fill = (
             cl.Kernel(built, name) for name in names
         )
 
-    def build(
-        self, name: str, segments: NDArray[np.uint32], first_block: int, spare_bytes: int = 0
-    ) -> Chunk:
-        """Build the tree of some segments.
+    def plan(self, segments: NDArray[np.uint32]) -> Root:
+        """Build the binary tree of some segments and choose how to make blocks of it.
 
         Parameters
         ----------
-        name : str                      of the buffer of blocks
-        segments : (n,) uint32, n >= 1  their first vertices
-        first_block : int               number of the chunk's first block in the whole tree
-        spare_bytes : int               zeros behind the blocks, a multiple of 4
+        segments : (n,) uint32, 1 <= n <= capacity      their first vertices
 
         Raises
         ------
-        BvhError, ResourceError
+        BvhError        if Embree cannot be used or fails
         """
-        with self.memory.scratch() as scratch:
-            tree, leaves = self._binary_tree(scratch, segments)
-            inputs = (
-                scratch.upload("nodes by height", _by_height(tree.heights)),
-                scratch.upload("nodes", tree.nodes),
-                scratch.upload("leaves", leaves),
-            )
-            levels = _levels(tree.heights)
-            n_nodes = len(tree.nodes)
-            del tree, leaves
-            summaries = scratch.allocate("summaries", SUMMARY_BYTES * n_nodes)
-            choices = scratch.allocate("choices", CHOICE_BYTES * n_nodes)
-            self._sum_up(scratch, levels, n_nodes, inputs, summaries, choices)
-            root = scratch.read(summaries, (2, 4))
-            n_blocks, stack_size = (int(n) for n in root[:, 3].view(np.uint32))
-            n_bytes = 4 * BVH_BLOCK_WORDS * n_blocks + spare_bytes
-            blocks = self.memory.allocate(name, n_bytes, zero=spare_bytes > 0)
-            self._write(
-                scratch, levels, n_nodes, inputs, summaries, choices, first_block, blocks, n_blocks
-            )
-            self.memory.device.queue.finish()
-        return Chunk(blocks, n_blocks, stack_size, root[:, :3].copy())
-
-    def _binary_tree(self, scratch: Memory, segments) -> tuple[embree.BinaryTree, NDArray]:
-        """Embree's tree, and the first vertex of the segment of each of its leaves."""
-        n = len(segments)
-        boxes = scratch.allocate("boxes", embree.PRIMITIVE.itemsize * n)
-        numbers = scratch.upload("segments", segments)
-        self._run(self._bound, n, np.uint32(n), numbers, self.vertices, boxes)
-        primitives = scratch.read(boxes, n, embree.PRIMITIVE)
-        scratch.release("boxes", boxes)
-        scratch.release("segments", numbers)
-        tree = embree.build_binary_tree(primitives)
-        return tree, primitives["primitive"].copy()
-
-    def _sum_up(self, scratch, levels, n_nodes, inputs, summaries, choices) -> None:
-        costs = scratch.allocate("costs", COST_BYTES * n_nodes)
-        results = (summaries, costs, choices)
-        for begin, end in levels:
-            self._run_level(
-                self._summarise, begin, end, *inputs, self.vertices, self.inverse_size, *results
-            )
-        scratch.release("costs", costs)
-
-    def _write(
-        self, scratch, levels, n_nodes, inputs, summaries, choices, first_block, blocks, n_blocks
-    ) -> None:
-        places = np.full((n_nodes, 2), NOWHERE, np.uint32)
+        tree = self._binary_tree(segments)
+        ends = np.cumsum(np.bincount(tree.heights)).tolist()
+        self._levels = list(itertools.pairwise(ends))
+        self._copy("nodes", tree.nodes)
+        self._copy("by height", np.argsort(tree.heights, kind="stable").astype(np.uint32))
+        places = np.full((len(tree.nodes), 2), NOWHERE, np.uint32)
         places[0] = 0, 1
-        places = scratch.upload("places", places)
-        for begin, end in reversed(levels):
-            self._run_level(
-                self._place, begin, end, *inputs, summaries, choices,
-                np.uint32(first_block), places, blocks,
+        self._copy("places", places)
+        for begin, end in self._levels:
+            self._run(
+                self._summarise, end - begin, np.uint32(begin), np.uint32(end),
+                *self._some("by height", "nodes", "leaves"), self._vertices, self._inverse_size,
+                *self._some("summaries", "boxes, then costs", "choices"),
             )  # fmt: skip
-        _, nodes, leaves = inputs
+        root = self._scratch.read(self._buffers["summaries"], (2, 4))
+        self._n_blocks, stack_size = (int(n) for n in root[:, 3].view(np.uint32))
+        return Root(self._n_blocks, stack_size, root[:, :3].copy())
+
+    def write(self, blocks: cl.Buffer, first_block: int) -> None:
+        """Write the blocks that were planned last; starts the work and does not wait.
+
+        Parameters
+        ----------
+        blocks : cl.Buffer      (at least first_block + n_blocks, 32) uint32
+        """
+        first = np.uint32(first_block)
+        for begin, end in reversed(self._levels):
+            self._run(
+                self._place, end - begin, np.uint32(begin), np.uint32(end),
+                *self._some("by height", "nodes", "leaves", "summaries", "choices"), first,
+                *self._some("places"), blocks,
+            )  # fmt: skip
         self._run(
-            self._fill, n_blocks, np.uint32(n_blocks),
-            blocks, nodes, leaves, summaries, self.vertices, self.inverse_size,
+            self._fill, self._n_blocks, np.uint32(self._n_blocks), first, blocks,
+            *self._some("nodes", "leaves", "summaries"), self._vertices, self._inverse_size,
         )  # fmt: skip
 
-    def _run_level(self, kernel: cl.Kernel, begin: int, end: int, *arguments) -> None:
-        self._run(kernel, end - begin, np.uint32(begin), np.uint32(end), *arguments)
+    def _binary_tree(self, segments) -> embree.BinaryTree:
+        """Embree's tree; what its leaves are goes to the buffer "leaves"."""
+        n = len(segments)
+        self._copy("segments", segments)
+        self._run(
+            self._bound, n, np.uint32(n),
+            *self._some("segments"), self._vertices, *self._some("boxes, then costs"),
+        )  # fmt: skip
+        primitives = self._primitives[:n]
+        cl.enqueue_copy(self._scratch.device.queue, primitives, self._buffers["boxes, then costs"])
+        tree = embree.build_binary_tree(primitives)
+        self._copy("leaves", primitives["primitive"].copy())
+        return tree
+
+    def _some(self, *names: str) -> list[cl.Buffer]:
+        return [self._buffers[name] for name in names]
+
+    def _copy(self, name: str, array: NDArray) -> None:
+        cl.enqueue_copy(self._scratch.device.queue, self._buffers[name], array, is_blocking=True)
 
     def _run(self, kernel: cl.Kernel, n: int, *arguments) -> None:
         size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
-        kernel(self.memory.device.queue, size, (LOCAL_SIZE,), *arguments)
-
-
-def _by_height(heights: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """The nodes, lowest first."""
-    return np.argsort(heights, kind="stable").astype(np.uint32)
-
-
-def _levels(heights: NDArray[np.uint8]) -> list[tuple[int, int]]:
-    """Where the nodes of each height begin and end among `_by_height`, lowest first."""
-    ends = np.cumsum(np.bincount(heights)).tolist()
-    return list(itertools.pairwise(ends))
+        kernel(self._scratch.device.queue, size, (LOCAL_SIZE,), *arguments)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,57 +11,101 @@ from numpy.typing import NDArray
 from furcl.curves import Curves
 from furcl.layout import BVH_BLOCK_WORDS
 
-WIDTH = 8
 BOXES = 1 << 16
 GRID_MARGIN = 1.0 / 64.0  # as in kernels/include/bvh_block.clh
 
+SAMPLES_PER_CHUNK = 1 << 12
+AT_ONCE = 1 << 18
+NO_CHUNK = 0xFFFF  # of the last points of strands, where no segment begins
+GOLDEN = 0.6180339887498949
 
-def split_segments(curves: Curves, n_chunks: int) -> Iterator[NDArray[np.uint32]]:
-    """Cut the segments of a groom into chunks of nearly the same size.
 
-    A set that makes k chunks is cut across the longest axis of its midpoints, so that one side
-    makes k // 2 chunks; chunks are in the order of that tree, as `top_lanes` expects.
+class Partition:
+    """The segments of a groom in chunks of nearly the same size, neighbours together.
 
-    Yields
-    ------
-    (n,) uint32     first vertices of the segments of a chunk
+    Chunks are told apart by planes: medians, across the longest axis, of the midpoints of a sample
+    of some thousand segments a chunk, spread evenly over the groom. Their order is that of the tree
+    of planes, as `top_lanes` expects. Segments that no plane parts stay together.
+
+    Parameters
+    ----------
+    curves : Curves
+    n_chunks : int      1 .. 65535
     """
-    yield from _split(curves.points, curves.segment_vertices().view(np.uint32), n_chunks)
+
+    def __init__(self, curves: Curves, n_chunks: int) -> None:
+        tree = _planes(_sampled_midpoints(curves, n_chunks * SAMPLES_PER_CHUNK), n_chunks, 0)
+        self._chunk_at = np.empty(curves.n_points, np.uint16)
+        for begin in range(0, curves.n_points - 1, AT_ONCE):
+            points = curves.points[begin : begin + AT_ONCE + 1].T
+            doubled = points[:, :-1] + points[:, 1:]
+            part = self._chunk_at[begin : begin + AT_ONCE]
+            _assign(tree, doubled, np.arange(doubled.shape[1]), part)
+        self._chunk_at[curves.offsets[1:] - 1] = NO_CHUNK
+        self._sizes = np.bincount(self._chunk_at, minlength=NO_CHUNK)[:NO_CHUNK]
+
+    @property
+    def sizes(self) -> list[int]:
+        """Segments of each chunk; none is empty."""
+        return self._sizes[self._sizes > 0].tolist()
+
+    def __iter__(self) -> Iterator[NDArray[np.uint32]]:
+        """First vertices of the segments of each chunk."""
+        for chunk in np.flatnonzero(self._sizes):
+            yield np.flatnonzero(self._chunk_at == chunk).astype(np.uint32)
 
 
-def _split(points, segments, n_chunks):
+@dataclass(frozen=True)
+class _Plane:
+    """Across an axis; on either side a further plane or the number of a chunk."""
+
+    axis: int
+    value: np.float32  # twice the coordinate
+    below: _Plane | int
+    above: _Plane | int
+
+
+def _sampled_midpoints(curves: Curves, n: int) -> NDArray[np.float32]:
+    """Twice the midpoints of n segments, (n, 3)."""
+    vertex = (np.arange(1, n + 1) * GOLDEN % 1.0 * curves.n_points).astype(np.int64)
+    strand_end = curves.offsets[np.searchsorted(curves.offsets, vertex, side="right")]
+    vertex -= vertex == strand_end - 1
+    return curves.points[vertex] + curves.points[vertex + 1]
+
+
+def _planes(doubled: NDArray[np.float32], n_chunks: int, first: int) -> _Plane | int:
     if n_chunks == 1:
-        yield segments
+        return first
+    n_below = n_chunks // 2
+    axis = int(np.argmax(np.ptp(doubled, axis=0)))
+    middle = len(doubled) * n_below // n_chunks
+    order = np.argpartition(doubled[:, axis], middle)
+    return _Plane(
+        axis,
+        doubled[order[middle], axis],
+        _planes(doubled[order[:middle]], n_below, first),
+        _planes(doubled[order[middle:]], n_chunks - n_below, first + n_below),
+    )
+
+
+def _assign(tree: _Plane | int, doubled: NDArray, which: NDArray, chunks: NDArray) -> None:
+    """Write the chunk of the midpoints `which` of doubled (3, n)."""
+    if isinstance(tree, int):
+        chunks[which] = tree
         return
-    n_first = len(segments) * (n_chunks // 2) // n_chunks
-    twice_middle = _longest_axis(points, segments)
-    order = np.argpartition(twice_middle, n_first)
-    del twice_middle
-    segments[:] = segments[order]
-    del order
-    yield from _split(points, segments[:n_first], n_chunks // 2)
-    yield from _split(points, segments[n_first:], n_chunks - n_chunks // 2)
-
-
-def _longest_axis(points, segments):
-    """Twice the coordinate of the midpoints along which they reach farthest, (n,)."""
-    best, reach = np.empty(0, np.float32), -1.0
-    for axis in range(3):
-        x = points[:, axis]
-        values = x[segments]
-        values += x[segments + 1]
-        extent = float(np.float64(values.max()) - values.min())
-        if extent > reach:
-            best, reach = values, extent
-    return best
+    below = doubled[tree.axis][which] < tree.value
+    _assign(tree.below, doubled, which[below], chunks)
+    _assign(tree.above, doubled, which[~below], chunks)
 
 
 def top_lanes(n_chunks: int) -> list[list[tuple[int, int]]]:
     """The blocks over `n_chunks` chunks: of each the ranges [first, end) of chunks of its lanes.
 
-    Block 0 holds them all; a lane of several chunks is a block further on, in the same order.
+    Block 0 holds them all; a lane of several chunks is a block further on, in the same order. There
+    are none over a single chunk.
     """
-    blocks, todo = [], [(0, n_chunks)]
+    blocks: list[list[tuple[int, int]]] = []
+    todo = [(0, n_chunks)] if n_chunks > 1 else []
     for begin, end in todo:  # grows while it is walked through
         lanes = [(begin, end)]
         for _ in range(3):
@@ -78,8 +123,8 @@ def _halves(begin: int, end: int) -> list[tuple[int, int]]:
 def top_blocks(
     lanes: list[list[tuple[int, int]]],
     boxes: NDArray[np.float32],
-    first_blocks: NDArray[np.uint32],
-    stack_sizes: NDArray[np.integer],
+    first_blocks: Sequence[int],
+    stack_sizes: Sequence[int],
 ) -> tuple[NDArray[np.uint32], int]:
     """Write the blocks over chunks.
 
@@ -87,8 +132,8 @@ def top_blocks(
     ----------
     lanes : list                        what top_lanes returns for n chunks
     boxes : (n, 2, 3) float32           corners of the chunks
-    first_blocks : (n,) uint32          the root of each chunk
-    stack_sizes : (n,) int              stack entries that a traversal of each can need
+    first_blocks : (n,)                 the root of each chunk
+    stack_sizes : (n,)                  stack entries that a traversal of each can need
 
     Returns
     -------

@@ -13,6 +13,7 @@ MAX_POINTS = 2**31 - 1
 # Squares of coordinates and radii within these limits stay normal float32 numbers.
 MAX_MAGNITUDE = 1e18
 MIN_MAGNITUDE = 1e-18
+POINTS_AT_ONCE = 1 << 18  # more would be copied in float64 at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +65,14 @@ class Curves:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Corners (lo, hi) of the box around all points, each widened by its radius."""
-        radii = self.radii.astype(np.float64)
-        axes = [self.points[:, axis] for axis in range(3)]
-        lo = np.array([(x - radii).min() for x in axes])
-        hi = np.array([(x + radii).max() for x in axes])
+        lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
+        for begin in range(0, self.n_points, POINTS_AT_ONCE):
+            part = slice(begin, begin + POINTS_AT_ONCE)
+            radii = self.radii[part].astype(np.float64)
+            for axis in range(3):
+                x = self.points[part, axis]
+                lo[axis] = min(lo[axis], (x - radii).min())
+                hi[axis] = max(hi[axis], (x + radii).max())
         return lo, hi
 
     def segment_vertices(self) -> NDArray[np.int32]:

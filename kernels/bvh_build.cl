@@ -82,7 +82,7 @@ __kernel void summarise(
 
    reads    nodes, choices, leaves, summaries; places of nodes above: of a node that has a block, that
             block and where the group of its child blocks goes; NOWHERE for other nodes
-   writes   blocks: which lanes are in use, references (first_block is added), and in words 8-15, until
+   writes   blocks, from first_block on: which lanes are in use, references, and in words 8-15, until
             fill_blocks is done with them, what the lanes hold; places of nodes below
    over     by_height[begin..end): nodes of one height, the highest first
    next     itself for the next height, at last fill_blocks */
@@ -96,7 +96,7 @@ __kernel void place_blocks(
     const uint node = by_height[i];
     const uint2 place = places[node];
     if (place.x == NOWHERE) return;
-    __global uint* block = blocks + (size_t)FURCL_BVH_BLOCK_WORDS * place.x;
+    __global uint* block = blocks + (size_t)FURCL_BVH_BLOCK_WORDS * (first_block + place.x);
     const Lanes lanes = lanes_of(nodes, choices, node);
     const uint n_subtrees = lanes.n - lanes.n_leaves;
     for (uint lane = 0; lane < lanes.n; lane++) {
@@ -119,18 +119,18 @@ __kernel void place_blocks(
 
    reads    blocks as place_blocks left them, nodes, leaves, summaries, vertices, inverse_size
    writes   blocks
-   over     blocks
+   over     the n blocks from first_block on
    next     rays */
 __kernel void fill_blocks(
-    const uint n, __global uint* blocks, __global const int4* nodes, __global const uint* leaves,
+    const uint n, const uint first_block, __global uint* blocks, __global const int4* nodes, __global const uint* leaves,
     __global const Summary* summaries, __global const StoredVertex* vertices, const float inverse_size)
 {
-    const uint index = get_global_id(0);
-    if (index >= n) return;
-    __global uint* block = blocks + (size_t)FURCL_BVH_BLOCK_WORDS * index;
+    const uint i = get_global_id(0);
+    if (i >= n) return;
+    __global uint* block = blocks + (size_t)FURCL_BVH_BLOCK_WORDS * (first_block + i);
     const uint n_lanes = popcount(block[22] & 255u), n_segments = popcount(block[22] >> 8 & 255u);
     int child[WIDTH];
-    for (uint i = 0; i < n_lanes; i++) child[i] = (int)block[8 + i];
+    for (uint lane = 0; lane < n_lanes; lane++) child[lane] = (int)block[8 + lane];
     const int first_leaf = child[0] < 0 ? ~child[0] : nodes[child[0]].z;
     const float3 near = VERTEX(vertices, leaves[first_leaf]).xyz;
 
@@ -138,25 +138,25 @@ __kernel void fill_blocks(
     float3 lower[WIDTH], upper[WIDTH];
     float box_area = 0.0f, capsule_area = 0.0f;
     bool all_fit = true;
-    for (uint i = 0; i < n_segments; i++) {
-        capsules[i].a = VERTEX(vertices, block[24 + i]).xyz - near;
-        capsules[i].b = VERTEX(vertices, block[24 + i] + 1).xyz - near;
+    for (uint lane = 0; lane < n_segments; lane++) {
+        capsules[lane].a = VERTEX(vertices, block[24 + lane]).xyz - near;
+        capsules[lane].b = VERTEX(vertices, block[24 + lane] + 1).xyz - near;
     }
-    for (uint i = n_segments; i < n_lanes; i++) {
-        const int4 node = nodes[child[i]];
-        lower[i] = summaries[child[i]].lower.xyz;
-        upper[i] = summaries[child[i]].upper.xyz;
-        const float3 extent = upper[i] - lower[i];
+    for (uint lane = n_segments; lane < n_lanes; lane++) {
+        const int4 node = nodes[child[lane]];
+        lower[lane] = summaries[child[lane]].lower.xyz;
+        upper[lane] = summaries[child[lane]].upper.xyz;
+        const float3 extent = upper[lane] - lower[lane];
         if (node.w - node.z < CAPSULE_LIMIT) {
             const float size = fmax(extent.x, fmax(extent.y, extent.z));
-            capsules[i] = fit_capsule(vertices, leaves, node.z, node.w, near, size);
+            capsules[lane] = fit_capsule(vertices, leaves, node.z, node.w, near, size);
         } else {  /* the sphere around the box, should the block need capsules */
             all_fit = false;
-            capsules[i].a = capsules[i].b = 0.5f * ((lower[i] - near) + (upper[i] - near));
-            capsules[i].radius = 0.500001f * length(extent);
+            capsules[lane].a = capsules[lane].b = 0.5f * ((lower[lane] - near) + (upper[lane] - near));
+            capsules[lane].radius = 0.500001f * length(extent);
         }
-        const float r = capsules[i].radius * inverse_size;
-        const float along = length((capsules[i].b - capsules[i].a) * inverse_size);
+        const float r = capsules[lane].radius * inverse_size;
+        const float along = length((capsules[lane].b - capsules[lane].a) * inverse_size);
         capsule_area += PI * r * (along + 2.0f * r);
         box_area += half_area(extent * inverse_size);
     }
