@@ -1,0 +1,46 @@
+"""Print the table of docs/performance.md from bench/results/intersect.
+
+python bench/intersect_table.py
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent / "results" / "intersect"
+KINDS = ("primary", "bounce1", "bounce4", "shadow")
+
+
+def driver(device: dict[str, str]) -> str:
+    """Runtime and version, short."""
+    maker = device["platform"].split()[0].removesuffix("(R)")
+    if maker == "Portable":
+        return f"PoCL {device['driver'].partition('+')[0]}"
+    return f"{maker} {'.'.join(device['driver'].split('.')[:2])}"
+
+
+def row(results: dict[str, Any]) -> list[str]:
+    """A groom's cells: million rays/s of furcl / of Embree = ratio (of processor seconds)."""
+    rays = {rays["kind"]: rays for rays in results["rays"]}
+    cells = []
+    for kind in KINDS:
+        r = rays[kind]
+        cpu = "" if r["cpu_ratio"] is None else f" ({r['cpu_ratio']:.2f})"
+        cells.append(f"{r['mrays_s']:.1f} / {r['embree_mrays_s']:.1f} = {r['ratio']:.2f}{cpu}")
+    return [Path(results["groom"]).name, driver(results["device"]),
+            f"{results['bytes_per_segment']:.0f}", *cells]  # fmt: skip
+
+
+def main() -> None:
+    found = [json.loads(path.read_text()) for path in FOLDER.glob("*/results.json")]
+    found.sort(key=lambda r: (driver(r["device"]), r["groom"].rstrip("0123456789"), r["segments"]))
+    print("| groom | driver | B/segment | primary | bounce 1 | bounce 4, shuffled | shadow |")
+    print("|---|---|---|---|---|---|---|")
+    for results in found:
+        print(f"| {' | '.join(row(results))} |")
+
+
+if __name__ == "__main__":
+    main()
