@@ -69,11 +69,13 @@ def _lanes(blocks: NDArray[np.uint32]):
     used = (kinds[:, None] >> bit & 1).astype(bool)
     is_segment = (kinds[:, None] >> (8 + bit) & 1).astype(bool)
     is_boxes = (kinds & BOXES) != 0
+    steps = blocks.view(np.float32)[:, 4:7]
     for name, wrong in (
         ("no lane is in use", ~used.any(axis=1)),
         ("a lane that is not in use is a segment", (is_segment & ~used).any(axis=1)),
         ("a segment is bounded by a box", is_boxes & is_segment.any(axis=1)),
         ("an unknown flag is set", kinds >= 2 * BOXES),
+        ("the steps of a grid of capsules differ", ~is_boxes & (np.ptp(steps, axis=1) != 0.0)),
     ):
         if wrong.any():
             raise BvhError(f"block {int(np.argmax(wrong))}: {name}")

@@ -211,13 +211,17 @@ def _shrunk_grid(blocks, bvh):
     blocks.view(np.float32)[0, 4:7] *= 0.98
 
 
+def _uneven_steps(blocks, bvh):
+    blocks.view(np.float32)[_block_with(bvh, False), 5] *= 1.000001
+
+
 def _box_of_segments(blocks, bvh):
     blocks[_block_with(bvh, False), 22] |= 1 << 16
 
 
 MUTANTS = [
     _lose_segment, _repeat_segment, _wrong_child, _cycle, _narrow_capsule, _moved_end, _moved_face,
-    _shifted_grid, _shrunk_grid, _box_of_segments,
+    _shifted_grid, _shrunk_grid, _uneven_steps, _box_of_segments,
 ]  # fmt: skip
 
 
