@@ -270,6 +270,7 @@ class Scene(Table, frozen=True, kw_only=True):
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""
         points, radius = curves.points, float(curves.radii.max())
-        if self.body is not None:
+        if self.body is not None and self.camera.origin is None:
+            points = self.camera.outermost(points, self.film.aspect)
             points = np.concatenate([points, self.body.surface_points()])
         return self.camera.resolved(points, self.film.aspect, radius)

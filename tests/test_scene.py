@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from furcl import camera as camera_module
 from furcl import procedural
 from furcl.camera import Camera
 from furcl.colour import sigma_ca_from_colour, sigma_ca_from_melanin
@@ -375,6 +376,14 @@ def test_framing_holds_the_points_and_touches_two_sides(aspect, view, margin, rn
     np.testing.assert_allclose(sides[:, tight], 1.0 - margin, rtol=1e-9)
     assert np.linalg.det([right, up, -forward]) == pytest.approx(1.0)
     assert depth.min() < found.focus_distance < depth.max()
+
+
+def test_framing_takes_points_a_part_at_a_time(monkeypatch, rng):
+    points = rng.normal(size=(200, 3)) * [1.0, 2.0, 4.0]
+    whole = Camera().resolved(points, 1.5, 0.1)
+    monkeypatch.setattr(camera_module, "POINTS_AT_ONCE", 7)
+    assert Camera().resolved(points, 1.5, 0.1) == whole
+    assert len(Camera().outermost(points[:70])) == 60
 
 
 def test_framing_makes_room_for_radii():
