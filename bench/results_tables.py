@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -170,9 +170,9 @@ TABLES = {
 }
 
 
-def filled(text: str) -> str:
+def filled(text: str, tables: dict[str, Callable[[], str]]) -> str:
     """The document with every table made anew."""
-    for name, make in TABLES.items():
+    for name, make in tables.items():
         pattern = rf"(<!-- {name} -->\n).*?(<!-- end -->)"
         text, count = re.subn(
             pattern, lambda m, make=make: f"{m[1]}\n{make()}\n\n{m[2]}", text, flags=re.DOTALL
@@ -184,4 +184,4 @@ def filled(text: str) -> str:
 
 if __name__ == "__main__":
     document = Path(sys.argv[1])
-    document.write_text(filled(document.read_text()))
+    document.write_text(filled(document.read_text(), TABLES))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import math
 from pathlib import Path
 
 from furcl import layout
@@ -18,8 +19,11 @@ log = logging.getLogger(__name__)
 
 # Sizes that are measured, the one first that serves while nothing is known. On a CPU the state
 # should stay in the caches, and PoCL compiles kernels again for grids of 2^16 work-items and more.
-CANDIDATES_CPU = (1 << 15, (1 << 16) - 64, 1 << 14)
+CANDIDATES_CPU = (1 << 15, (1 << 16) - 64)
 CANDIDATES_GPU = (1 << 20, 1 << 22, 1 << 18)
+
+# Times that each is measured; the fastest counts, so that a moment's other load does not.
+ROUNDS = 2
 
 # A size other than the first must be faster by this factor.
 WORTHWHILE = 1.02
@@ -65,7 +69,7 @@ class WaveSize:
         self._path = cache_path(device, features)
         self._untried: list[int] = []
         self._seconds: dict[int, float] = {}
-        self._in_block = 0
+        self._in_block, self._block_seconds = 0, 0.0
         # The first wave meets cold caches and is not measured.
         self._warm = False
         if asked is not None:
@@ -81,7 +85,7 @@ class WaveSize:
                 self.capacity, self.origin = candidates[0], "memory"
             else:
                 self.capacity, self.origin = max(candidates), "first guess"
-                self._untried = list(candidates)
+                self._untried = list(candidates) * ROUNDS
         self.paths = self._untried[0] if self._untried else self.capacity
         # Every candidate traces as many whole samples as fill the largest wave.
         self._block = -(-self.capacity // n_pixels) * n_pixels
@@ -102,12 +106,13 @@ class WaveSize:
         if not self._warm:
             self._warm = True
             return
-        self._seconds[self.paths] = self._seconds.get(self.paths, 0.0) + seconds
+        self._block_seconds += seconds
         self._in_block += n_paths
         if self._in_block < self._block:
             return
-        self._in_block = 0
-        self._untried.pop(0)
+        size = self._untried.pop(0)
+        self._seconds[size] = min(self._block_seconds, self._seconds.get(size, math.inf))
+        self._in_block, self._block_seconds = 0, 0.0
         if self._untried:
             self.paths = self._untried[0]
             return

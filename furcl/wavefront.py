@@ -33,7 +33,7 @@ RAY_STAGES = ("intersect_closest", "intersect_shadow")
 class Stage:
     """A kernel that is given only those arguments that changed since its last launch.
 
-    Setting all arguments of a stage takes ten times as long as launching it.
+    Setting all arguments of a stage takes longer than launching it.
     """
 
     def __init__(self, kernel: cl.Kernel) -> None:

@@ -41,8 +41,19 @@ def test_every_candidate_traces_the_same_pixels(device):
     assert (sizes.paths, sizes.capacity, sizes.origin) == (1000, 2000, "first guess")
     waves = _play(sizes, {1000: 1e-6, 500: 2e-6, 2000: 5e-7})
     # 2304 paths are 6 samples of every pixel; the first wave is not measured.
-    assert waves == [1000, 1000, 1000, 304, 500, 500, 500, 500, 304, 2000, 304]
+    assert waves == [1000, *2 * [1000, 1000, 304, 500, 500, 500, 500, 304, 2000, 304]]
     assert (sizes.paths, sizes.origin) == (2000, "probe")
+
+
+def test_a_moment_of_other_load_does_not_decide(device):
+    sizes = WaveSize(device, Features(), N_PIXELS)
+    sizes.record(sizes.limit(), 1.0)
+    for seconds in (9.0, 4.0, 4.5, 3.0, 4.2, 9.0):
+        size = sizes.paths
+        while sizes.paths == size and sizes.probing:
+            n = sizes.limit()
+            sizes.record(n, seconds * n)
+    assert sizes.paths == 1000
 
 
 def test_a_small_gain_changes_nothing(device):
@@ -94,8 +105,8 @@ def test_no_wave_is_refused(device):
 
 def test_a_probe_changes_no_bit(device):
     """A render that measures all candidates, one that knows the answer, one that is told."""
-    probed, known = (furcl.render(fur_patch(spp=24), device=device) for _ in range(2))
-    told = furcl.render(fur_patch(spp=24), device=device, wave_size=700)
+    probed, known = (furcl.render(fur_patch(spp=48), device=device) for _ in range(2))
+    told = furcl.render(fur_patch(spp=48), device=device, wave_size=700)
     origins = [image.stats["wave_size_from"] for image in (probed, known, told)]
     assert origins == ["probe", "cache", "asked for"]
     assert probed.stats["wave_size"] == known.stats["wave_size"] in (500, 1000, 2000)

@@ -18,10 +18,11 @@ from furcl.version import software
 
 def circumstances(device: Device) -> dict[str, Any]:
     """Versions, command line, machine and device of a run, as JSON values."""
-    name = Path(sys.argv[0]).name
+    script = sys.argv[0].endswith(".py") and Path(sys.argv[0]).name != "__main__.py"
+    program = ["python", sys.argv[0]] if script else ["furcl"]
     return {
         **software(),
-        "command": shlex.join(["furcl" if name != "__main__.py" else name, *sys.argv[1:]]),
+        "command": shlex.join([*program, *sys.argv[1:]]),
         "date": time.strftime("%Y-%m-%d"),
         "machine": {
             "processor": _processor(),
