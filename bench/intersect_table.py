@@ -35,7 +35,7 @@ def row(results: dict[str, Any]) -> list[str]:
 
 def main() -> None:
     found = [json.loads(path.read_text()) for path in FOLDER.glob("*/results.json")]
-    found.sort(key=lambda r: (driver(r["device"]), r["groom"].rstrip("0123456789"), r["segments"]))
+    found.sort(key=lambda r: (driver(r["device"]), row(r)[0].rstrip("0123456789"), r["segments"]))
     print("| groom | driver | B/segment | primary | bounce 1 | bounce 4, shuffled | shadow |")
     print("|---|---|---|---|---|---|---|")
     for results in found:

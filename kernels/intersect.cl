@@ -5,15 +5,13 @@
 #include "spectrum.clh"
 #include "traversal.clh"
 
-#define VECTOR_HINT __attribute__((vec_type_hint(float8)))
-
 /* Finds what the ray of every path meets first.
 
    reads    state: ORIGIN, DIR, SKIP_*; the tree; active_counts: COUNT_NEXT of the bounce before
    writes   state: HIT_*; hit queue, miss queue and their lengths in counts
    over     the queue of paths that go on, FURCL_RAYS_PER_ITEM a work-item
    next     shade_escaped over the miss queue, sample_lobe_h over the hit queue */
-__kernel VECTOR_HINT void intersect_closest(
+__kernel void intersect_closest(
     __global float* state, __global const uint* queue, __global uint* hit_queue,
     __global uint* miss_queue, __global const uint* active_counts, __global uint* counts,
     const uint n_slots, const Body body, BVH_PARAMETERS)
@@ -51,7 +49,7 @@ __kernel VECTOR_HINT void intersect_closest(
    writes   state: RADIANCE
    over     the shadow queue, FURCL_RAYS_PER_ITEM a work-item
    next     intersect_closest */
-__kernel VECTOR_HINT void intersect_shadow(
+__kernel void intersect_shadow(
     __global float* state, __global const uint* shadow_queue, __global const uint* counts,
     const uint n_slots, const Body body, BVH_PARAMETERS)
 {
@@ -87,7 +85,7 @@ __kernel VECTOR_HINT void intersect_shadow(
    reads    origins (xyz, distance skipped on the own strand), directions (xyz, t_max), skip_segment
    writes   nearest hits in (0, t_max]: t, segment, u; of a miss t_max, FURCL_NO_SEGMENT, 0
    over     rays, FURCL_RAYS_PER_ITEM a work-item */
-__kernel VECTOR_HINT void trace_rays(
+__kernel void trace_rays(
     const uint n_rays, __global const float4* origins,
     __global const float4* directions, __global const uint* skip_segment, __global float* t,
     __global uint* segment, __global float* u, BVH_PARAMETERS)
@@ -101,7 +99,7 @@ __kernel VECTOR_HINT void trace_rays(
    reads    as trace_rays
    writes   occluded: 1 or 0
    over     rays, FURCL_RAYS_PER_ITEM a work-item */
-__kernel VECTOR_HINT void trace_shadow_rays(
+__kernel void trace_shadow_rays(
     const uint n_rays, __global const float4* origins,
     __global const float4* directions, __global const uint* skip_segment,
     __global uint* occluded, BVH_PARAMETERS)
