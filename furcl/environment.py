@@ -168,7 +168,7 @@ class SkyLight(Environment):
             SKY_CHANCE=sky,
             GROUND_RADIANCE=self.sky.ground_radiance,
             ZENITH=self.sky.zenith,
-            PEREZ=self.sky.perez,
+            **{f"PEREZ_{name}": self.sky.perez[:, i] for i, name in enumerate("ABCDE")},
         )
 
     def _sun_frame(self) -> tuple[Array, Array]:

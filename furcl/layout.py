@@ -134,7 +134,11 @@ ENVIRONMENT_FIELDS: dict[str, list[tuple[str, int]]] = {
         ("SKY_CHANCE", 1),  # of the upper hemisphere; the rest is the lower one
         ("GROUND_RADIANCE", 3),
         ("ZENITH", 3),
-        ("PEREZ", 15),  # A to E for Y, then x, then y
+        ("PEREZ_A", 3),  # of Y, x, y; so are the next four
+        ("PEREZ_B", 3),
+        ("PEREZ_C", 3),
+        ("PEREZ_D", 3),
+        ("PEREZ_E", 3),
     ],
     "image": [("WIDTH", 1), ("HEIGHT", 1), ("ROTATION", 1)],  # rotation in turns
 }

@@ -127,8 +127,8 @@ class Probe:
         wo : (n, 3) or (3,)     unit directions
         n : int or None         number of samples for a single wo
         seed : int              0..2^32-1
-        numbers : (n, 3, 4) or None     use these uniform numbers of [0, 1) instead of drawing them:
-                                        of lobe and offset, direction, profile
+        numbers : (n, 2, 4) or None     use these uniform numbers of [0, 1) instead of drawing them:
+                                        of lobe and offset, and of the direction
 
         Returns
         -------
@@ -143,7 +143,7 @@ class Probe:
             wo = np.broadcast_to(wo, (n, 3))
         n = len(wo)
         if numbers is not None:
-            numbers = np.asarray(numbers, np.float32).reshape(n, 3, 4)
+            numbers = np.asarray(numbers, np.float32).reshape(n, 2, 4)
         memory = Memory(self.device)
         outs = {
             name: memory.allocate(name, size * n)

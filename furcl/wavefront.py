@@ -7,7 +7,7 @@ from collections import defaultdict
 import numpy as np
 import pyopencl as cl
 
-from furcl import layout, program, rays
+from furcl import layout, program, queue_launch, rays
 from furcl.buffers import Memory, fill
 from furcl.device import Device
 from furcl.features import Features
@@ -28,6 +28,7 @@ STAGES = {
     "add_to_film": "film.cl",
 }
 RAY_STAGES = ("intersect_closest", "intersect_shadow")
+QUEUE_STAGES = ("shade_escaped", "sample_lobe_h", "shade")
 
 
 class Stage:
@@ -108,7 +109,10 @@ class Wavefront:
         self.n_slots = np.uint32(n_slots)
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
         self.keep_events = False
-        extra: dict[str, dict[str, int]] = dict.fromkeys(RAY_STAGES, rays.defines(device))
+        extra: dict[str, dict[str, int]] = {
+            **dict.fromkeys(RAY_STAGES, rays.defines(device)),
+            **dict.fromkeys(QUEUE_STAGES, queue_launch.defines(device)),
+        }
         self._stages = {
             stage: Stage(cl.Kernel(program.build(device, file, features, extra.get(stage)), stage))
             for stage, file in STAGES.items()
@@ -277,6 +281,8 @@ class Wavefront:
         size, local = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,), (LOCAL_SIZE,)
         if stage in RAY_STAGES:
             size, local = rays.launch_size(self.memory.device, n)
+        elif stage in QUEUE_STAGES:
+            size, local = queue_launch.launch_size(self.memory.device, n)
         event = self._stages[stage].launch(self.queue, size, local, *arguments)
         if self.keep_events:
             self.events[stage].append(event)

@@ -58,11 +58,11 @@ __kernel void probe_evaluate(
 static inline float4 probe_numbers(
     uint seed, uint i, uint dimension, uint given, __global const float4* numbers)
 {
-    return given ? numbers[3u * (size_t)i + dimension]
+    return given ? numbers[2u * (size_t)i + dimension]
                  : uniform4(seed, 0u, i, bounce_dimension(0u, dimension));
 }
 
-/* reads wo, numbers [n][3] if given; writes wi, h, lobe (FURCL_LOBES where nothing was chosen),
+/* reads wo, numbers [n][2] if given; writes wi, h, lobe (FURCL_LOBES where nothing was chosen),
    weight [n][3], density of (lobe, h, wi). Over n. */
 __kernel void probe_sample(
     __global const float4* wo, __global float4* wi, __global float* h, __global uint* lobe,
@@ -84,8 +84,7 @@ __kernel void probe_sample(
     const BcsdfAtOffset b = bcsdf_at_offset(&fibre, profiles, &in, chosen.h);
     const float3 d = lobe_sample_direction(
         chosen.lobe, &fibre, profiles, &b,
-        probe_numbers(seed, i, DIM_DIRECTION, given, numbers),
-        probe_numbers(seed, i, DIM_PROFILE, given, numbers));
+        probe_numbers(seed, i, DIM_DIRECTION, given, numbers));
     wi[i] = (float4)(frame_direction(&frame, d.x, d.y, d.z), 0.0f);
     pdf[i] = chosen.joint * lobe_terms(chosen.lobe, &fibre, profiles, &b, d.x, d.y, d.z).pdf;
     store_spectrum(weight + 3 * (size_t)i,

@@ -3,6 +3,7 @@
 #include "camera.clh"
 #include "environment.clh"
 #include "frame.clh"
+#include "queue.clh"
 #include "tables.clh"
 #include "vertices.clh"
 
@@ -10,25 +11,26 @@
 
    reads    state: DIR, THROUGHPUT, DIR_PDF; environment
    writes   state: RADIANCE
-   over     the miss queue
+   over     the miss queue, FURCL_PATHS_PER_ITEM a work-item
    next     film */
 __kernel void shade_escaped(
     __global float* state, __global const uint* miss_queue, __global const uint* counts,
     const Wave wave, __global const float* environment)
 {
-    const uint i = get_global_id(0);
-    if (i >= counts[FURCL_COUNT_MISSES]) return;
+    const uint n_misses = counts[FURCL_COUNT_MISSES];
     const uint n_slots = wave.n_slots;
-    const uint slot = FURCL_AT(miss_queue, i, n_slots);
-    const float3 direction = PS_LOAD3(DIR, slot);
-    Spectrum radiance = spectrum_from3(environment_radiance(environment, direction));
+    FOR_QUEUE_ENTRIES(i, n_misses) {
+        const uint slot = FURCL_AT(miss_queue, i, n_slots);
+        const float3 direction = PS_LOAD3(DIR, slot);
+        Spectrum radiance = spectrum_from3(environment_radiance(environment, direction));
 #if FURCL_LIGHT_SAMPLING
-    /* Balance heuristic against the light sample of the vertex before; camera rays have none. */
-    const float pdf = PS_F(DIR_PDF, slot);
-    if (pdf > 0.0f) radiance *= pdf / (pdf + environment_pdf(environment, direction));
+        /* Balance heuristic against the light sample of the vertex before; camera rays have none. */
+        const float pdf = PS_F(DIR_PDF, slot);
+        if (pdf > 0.0f) radiance *= pdf / (pdf + environment_pdf(environment, direction));
 #endif
-    PS_STORE_SPECTRUM(RADIANCE, slot,
-        PS_LOAD_SPECTRUM(RADIANCE, slot) + PS_LOAD_SPECTRUM(THROUGHPUT, slot) * radiance);
+        PS_STORE_SPECTRUM(RADIANCE, slot,
+            PS_LOAD_SPECTRUM(RADIANCE, slot) + PS_LOAD_SPECTRUM(THROUGHPUT, slot) * radiance);
+    }
 }
 
 /* Where the next ray starts, where it goes, and what it is worth. */
@@ -55,7 +57,7 @@ static inline float distance_inside(float radius, float cos_theta)
 static inline Bounce scatter_at_fibre(
     __global float* state, uint n_slots, uint slot, const FibreParams* fibre,
     __global const StoredVertex* vertices, __global const float* tables, __global const float* profiles,
-    __global const float* environment, float4 u, float4 v, float4 light_u)
+    __global const float* environment, float4 u, float4 light_u)
 {
     Bounce bounce;
     const uint segment = PS_U(HIT_SEGMENT, slot);
@@ -65,11 +67,15 @@ static inline Bounce scatter_at_fibre(
     const Incidence in = incidence_at(fibre, frame.sin_theta, frame.cos_theta);
     const uint lobe = PS_U(LOBE, slot);
     const float joint = PS_F(JOINT, slot);
+#if FURCL_LIGHT_SAMPLING
     const BcsdfAtOffset b = bcsdf_at_offset(fibre, profiles, &in, PS_F(OFFSET_H, slot));
-    const float3 d = lobe_sample_direction(lobe, fibre, profiles, &b, u, v);
+#else
+    const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, profiles, &in, PS_F(OFFSET_H, slot));
+#endif
+    const float3 d = lobe_sample_direction(lobe, fibre, profiles, &b, u);
     const float4 at = mix(root, tip, PS_F(HIT_U, slot));
     bounce.origin = at.xyz;
-    bounce.direction = normalize(frame_direction(&frame, d.x, d.y, d.z));
+    bounce.direction = unit_vector(frame_direction(&frame, d.x, d.y, d.z));
     bounce.skip_segment = segment;
     bounce.skip_distance = distance_inside(at.w, d.y);
     /* h is uniform over the fibre's width: density 1/2. */
@@ -106,15 +112,15 @@ static inline Bounce scatter_at_body(
 {
     Bounce bounce;
     const float3 p = PS_LOAD3(ORIGIN, slot) + PS_F(HIT_T, slot) * PS_LOAD3(DIR, slot);
-    const float3 unit = normalize((p - body->centre.xyz) * body->inv_radii.xyz);
-    const float3 n = normalize(unit * body->inv_radii.xyz);
+    const float3 unit = unit_vector((p - body->centre.xyz) * body->inv_radii.xyz);
+    const float3 n = unit_vector(unit * body->inv_radii.xyz);
     /* On the surface exactly, and a ten thousandth outside it. */
     bounce.origin = body->centre.xyz + 1.0001f * unit / body->inv_radii.xyz;
-    const float3 t = normalize(cross(n, fabs(n.x) < 0.5f ? (float3)(1, 0, 0) : (float3)(0, 1, 0)));
+    const float3 t = unit_vector(cross(n, fabs(n.x) < 0.5f ? (float3)(1, 0, 0) : (float3)(0, 1, 0)));
     const float r = sqrt(u.x), up = sqrt(1.0f - u.x);
     float cos_phi;
     const float sin_phi = sincos_turns(u.y, &cos_phi);
-    bounce.direction = normalize(r * cos_phi * t + r * sin_phi * cross(n, t) + up * n);
+    bounce.direction = unit_vector(r * cos_phi * t + r * sin_phi * cross(n, t) + up * n);
     bounce.skip_segment = FURCL_NO_SEGMENT;
     bounce.skip_distance = 0.0f;
     bounce.weight = spectrum_from4(body->albedo);
@@ -134,44 +140,35 @@ static inline Bounce scatter_at_body(
 }
 #endif
 
-/* Continues paths that met something: next ray, light sample, Russian roulette.
+/* Whether a path that met something goes on, and whether a shadow ray is to be traced for it. */
+typedef struct { bool next, shadow; } Onward;
 
-   reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, tables, profiles,
-            environment
-   writes   state: ORIGIN, DIR, SKIP_*, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
-   over     the hit queue
-   next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
-__kernel void shade(
-    __global float* state, __global const uint* hit_queue, __global uint* next_queue,
-    __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
-    const FibreParams fibre, const Body body, __global const StoredVertex* vertices,
-    __global const float* tables, __global const float* profiles,
-    __global const float* environment)
+static inline Onward shade_path(
+    __global float* state, uint slot, const Wave* wave, uint depth, const FibreParams* fibre,
+    const Body* body, __global const StoredVertex* vertices, __global const float* tables,
+    __global const float* profiles, __global const float* environment)
 {
-    const uint i = get_global_id(0);
-    if (i >= counts[FURCL_COUNT_HITS]) return;
-    const uint n_slots = wave.n_slots;
-    const uint slot = FURCL_AT(hit_queue, i, n_slots);
-    const PixelSample pixel = pixel_of_slot(&wave, slot);
+    const uint n_slots = wave->n_slots;
+    const PixelSample pixel = pixel_of_slot(wave, slot);
     const uint first = bounce_dimension(depth, 0u);
-    const float4 u = uniform4(wave.seed, pixel.index, pixel.sample, first + DIM_DIRECTION);
-    const float4 v = uniform4(wave.seed, pixel.index, pixel.sample, first + DIM_PROFILE);
+    const float4 u = uniform4(wave->seed, pixel.index, pixel.sample, first + DIM_DIRECTION);
 #if FURCL_LIGHT_SAMPLING
-    const float4 light_u = uniform4(wave.seed, pixel.index, pixel.sample, first + DIM_LIGHT);
+    const float4 light_u = uniform4(wave->seed, pixel.index, pixel.sample, first + DIM_LIGHT);
 #else
     const float4 light_u = (float4)(0.0f);
 #endif
+    Onward onward = {false, false};
     Bounce bounce;
 #if FURCL_BODY
     if (PS_U(HIT_SEGMENT, slot) == FURCL_BODY_SEGMENT)
-        bounce = scatter_at_body(state, n_slots, slot, &body, environment, u, light_u);
+        bounce = scatter_at_body(state, n_slots, slot, body, environment, u, light_u);
     else
 #endif
     {
         /* A fibre that reflects, transmits and scatters nothing ends the path. */
-        if (PS_U(LOBE, slot) >= FURCL_LOBES) return;
-        bounce = scatter_at_fibre(state, n_slots, slot, &fibre, vertices, tables, profiles,
-                                  environment, u, v, light_u);
+        if (PS_U(LOBE, slot) >= FURCL_LOBES) return onward;
+        bounce = scatter_at_fibre(state, n_slots, slot, fibre, vertices, tables, profiles,
+                                  environment, u, light_u);
     }
     const Spectrum before = PS_LOAD_SPECTRUM(THROUGHPUT, slot);
     Spectrum throughput = before * bounce.weight;
@@ -183,15 +180,17 @@ __kernel void shade(
         PS_STORE3(SHADOW_DIR, slot, bounce.light_direction);
         PS_F(SHADOW_SKIP_DISTANCE, slot) = bounce.light_skip_distance;
         PS_STORE_SPECTRUM(SHADOW_RADIANCE, slot, light);
-        FURCL_AT(shadow_queue, atomic_inc(counts + FURCL_COUNT_SHADOWS), n_slots) = slot;
+        onward.shadow = true;
     }
 #endif
     const float largest = spectrum_max(throughput);
-    if (largest <= 0.0f) return;
+    if (largest <= 0.0f) return onward;
 #if FURCL_ROULETTE
     /* Survivors carry the weight of those that end: the mean is unchanged. */
-    if (depth >= wave.roulette_depth && largest < 1.0f) {
-        if (v.w >= largest) return;
+    if (depth >= wave->roulette_depth && largest < 1.0f) {
+        const float4 roulette =
+            uniform4(wave->seed, pixel.index, pixel.sample, first + DIM_ROULETTE);
+        if (roulette.x >= largest) return onward;
         throughput /= largest;
     }
 #endif
@@ -201,5 +200,38 @@ __kernel void shade(
 #if FURCL_LIGHT_SAMPLING
     PS_F(DIR_PDF, slot) = bounce.pdf;
 #endif
-    FURCL_AT(next_queue, atomic_inc(counts + FURCL_COUNT_NEXT), n_slots) = slot;
+    onward.next = true;
+    return onward;
+}
+
+/* Continues paths that met something: next ray, light sample, Russian roulette.
+
+   reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, tables, profiles,
+            environment
+   writes   state: ORIGIN, DIR, SKIP_*, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
+   over     the hit queue, FURCL_PATHS_PER_ITEM a work-item
+   next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
+__kernel void shade(
+    __global float* state, __global const uint* hit_queue, __global uint* next_queue,
+    __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
+    const FibreParams fibre, const Body body, __global const StoredVertex* vertices,
+    __global const float* tables, __global const float* profiles,
+    __global const float* environment)
+{
+    const uint n_hits = counts[FURCL_COUNT_HITS];
+    const uint n_slots = wave.n_slots;
+    Appended next, shadows;
+    next.n = shadows.n = 0u;
+    FETCH_VERTICES_EARLY(hit_queue, n_hits, vertices);
+    FOR_QUEUE_ENTRIES(i, n_hits) {
+        const uint slot = FURCL_AT(hit_queue, i, n_slots);
+        const Onward onward = shade_path(state, slot, &wave, depth, &fibre, &body, vertices, tables,
+                                         profiles, environment);
+        if (onward.next) append_slot(&next, slot);
+        if (onward.shadow) append_slot(&shadows, slot);
+    }
+    APPEND_ALL(next, next_queue, counts + FURCL_COUNT_NEXT);
+#if FURCL_LIGHT_SAMPLING
+    APPEND_ALL(shadows, shadow_queue, counts + FURCL_COUNT_SHADOWS);
+#endif
 }

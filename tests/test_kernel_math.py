@@ -91,6 +91,17 @@ ELEMENTARY = {
     "one_minus_exp": (
         "one_minus_exp(x)", np.geomspace(1e-30, 200, 20001), lambda x: -np.expm1(-x), 4e-7, 0,
     ),
+    "decay": (
+        "decay(x)", np.concatenate([-np.geomspace(1e-30, 87, 20001), [0.0]]), np.exp, 4e-7, 0,
+    ),
+    "decay3": (
+        "decay3((float3)(0.0f, x, -1.0f)).y", -np.geomspace(1e-30, 87, 20001), np.exp, 4e-7, 0,
+    ),
+    "decay far out": ("decay(x)", [-87.5, -1e3, -1e30, -np.inf], np.exp, 0, 2e-38),
+    "nearest_whole": (
+        "nearest_whole(x)", np.concatenate([np.linspace(-20, 20, 801), [4e6, -4194303.5, -0.0]]),
+        np.rint, 0, 0,
+    ),
     "sin": (
         "sine_of_turns(x)", np.concatenate([np.linspace(-2, 2, 20001), TINY]),
         lambda x: np.sin(2 * np.pi * x), 4e-7, 3e-7,
@@ -102,7 +113,7 @@ ELEMENTARY = {
 @pytest.mark.parametrize("name", ELEMENTARY)
 def test_elementary_functions(device, name):
     expression, x, twin, relative, absolute = ELEMENTARY[name]
-    x = x.astype(np.float32)
+    x = np.asarray(x, np.float32)
     got = call(device, "math.clh", expression, x, before=SINE)
     expected = twin(x.astype(np.float64))
     np.testing.assert_allclose(got, expected, rtol=relative, atol=absolute)
@@ -118,3 +129,38 @@ def test_arc_tangent(device, rng):
     )
     zero = call(device, "math.clh", "arc_tangent(x, y)", [0.0, 0.0, 0.0], [0.0, 1.0, -1.0])
     np.testing.assert_allclose(zero, [0, 0, np.pi], rtol=1e-7)
+
+
+def test_decay_of_nan_is_nan(device):
+    assert np.isnan(call(device, "math.clh", "decay(x)", [np.nan])).all()
+
+
+@pytest.mark.parametrize("size", [1e-15, 1e-3, 1.0, 1e15])
+def test_unit_vector(device, rng, size):
+    v = (size * rng.normal(size=(3, 5000))).astype(np.float32)
+    expected = v.astype(np.float64) / np.linalg.norm(v.astype(np.float64), axis=0)
+    for axis, name in enumerate("xyz"):
+        got = call(device, "math.clh", f"unit_vector((float3)(x, y, z)).{name}", *v)
+        np.testing.assert_allclose(got, expected[axis], rtol=3e-7, atol=1e-30)
+
+
+def test_unit_vector_of_zero_is_zero(device):
+    assert call(device, "math.clh", "unit_vector((float3)(x)).x", [0.0]) == 0.0
+
+
+# A running sum in the first elements of the array, searched for the value that each element has.
+SEARCH = "#define COUNT %du\n#define FOUND(v) (float)search_cdf(px, COUNT, v)"
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 64, 100, 128, 1000])
+def test_search_cdf(device, rng, count):
+    """The first running sum above u; steps of zero height are never found."""
+    steps = rng.exponential(size=count) * (rng.random(count) < 0.7)
+    steps[-1] = 0.1
+    cdf = (np.cumsum(steps) / steps.sum()).astype(np.float32)
+    cdf[-1] = 1.0
+    u = np.concatenate([cdf[:-1], np.nextafter(cdf, 0.0), rng.random(4000), [0.0, 1 - 2.0**-24]])
+    u = u.astype(np.float32)[u < 1.0]
+    table = np.resize(cdf, len(u)) if len(u) >= count else cdf
+    got = call(device, "math.clh", "FOUND(y)", table, u, before=SEARCH % count)
+    np.testing.assert_array_equal(got, np.searchsorted(cdf, u, side="right"))

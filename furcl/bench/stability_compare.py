@@ -227,7 +227,7 @@ class Comparison:
     def _sample(self, probe: Probe, points: Points, seed: int) -> None:
         n = len(points)
         rng = np.random.default_rng(seed)
-        numbers = (rng.integers(0, 1 << 24, (n, 3, 4)) * 2.0**-24).astype(np.float32)
+        numbers = (rng.integers(0, 1 << 24, (n, 2, 4)) * 2.0**-24).astype(np.float32)
         # Half of the points draw numbers of which a third are the ends of what a generator returns.
         ends = rng.random(numbers.shape) + (np.arange(n) % 2)[:, None, None]
         numbers = np.where(ends < 1 / 6, 0.0, np.where(ends < 1 / 3, LAST, numbers))
