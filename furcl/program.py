@@ -24,10 +24,6 @@ log = logging.getLogger(__name__)
 _INCLUDE = re.compile(r'^\s*#\s*include\s+["<]([^">]+)[">]\s*$')
 
 
-def _random123_folder() -> Path:
-    return Path(cl.__file__).parent / "cl"
-
-
 def expand(name: str, features: Features, folder: Path | None = None) -> str:
     """The text of a kernel file with every #include replaced by what it names.
 
@@ -39,7 +35,7 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
     KernelBuildError    if an include is not found, naming the file and line that asks for it
     """
     folder = folder or kernel_folder()
-    bases = (folder, folder / "include", _random123_folder(), features.sampler.clh.parent)
+    bases = (folder, folder / "include", features.sampler.clh.parent)
     seen: set[str] = set()
 
     def find(include: str) -> str | None:
@@ -58,8 +54,8 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
         text = find(include)
         if text is None:
             raise KernelBuildError(
-                f"{asked_by}: #include {include!r} is not found in {folder}, its include folder or "
-                f"pyopencl's; check the spelling"
+                f"{asked_by}: #include {include!r} is not found in {folder} or its include "
+                f"folder; check the spelling"
             )
         seen.add(include)
         label = features.sampler.clh.name if include == "sampler.clh" else include
@@ -71,9 +67,6 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
                 continue
             beside = str(Path(include).parent / match[1])
             target = beside if find(beside) is not None else match[1]
-            if find(target) is None and include.startswith("pyopencl-"):
-                lines.append(line)  # a C header in a branch of Random123 that OpenCL never takes
-                continue
             lines += walk(target, f"{include}:{number}")
             lines.append(f'#line {number + 1} "{label}"')
         return lines
