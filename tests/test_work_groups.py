@@ -5,7 +5,7 @@ import pytest
 from scene_documents import fur_patch
 
 import furcl
-from furcl import program, rays, wavefront
+from furcl import program, queue_launch, rays, wavefront
 
 SCENE = {"light_sampling": "mis", "residual": True, "spp": 2}
 
@@ -19,17 +19,19 @@ def fresh_programs():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rays_an_item", [1, 64])
+@pytest.mark.parametrize("an_item", [1, 64])
 @pytest.mark.parametrize("size", [1, 32, 64, 256])
-def test_renders_agree(device, monkeypatch, size, rays_an_item):
+def test_renders_agree(device, monkeypatch, size, an_item):
     """Pictures differ by rounding at most: a compiler may contract other sums for other sizes."""
     if size > device.cl_device.max_work_group_size:
         pytest.skip(f"{device.name} allows {device.cl_device.max_work_group_size} items a group")
     expected = furcl.render(fur_patch(**SCENE), device=device, wave_size=1000)
     monkeypatch.setattr(wavefront, "LOCAL_SIZE", size)
-    launch = (rays_an_item, min(rays_an_item, 12), size)
+    launch = (an_item, min(an_item, 12), size)
     monkeypatch.setattr(rays, "_CPU", launch)
     monkeypatch.setattr(rays, "_GPU", launch)
+    monkeypatch.setattr(queue_launch, "_CPU", (an_item, size))
+    monkeypatch.setattr(queue_launch, "_GPU", (an_item, size))
     image = furcl.render(fur_patch(**SCENE), device=device, wave_size=1000)
     assert image.stats["rays"] == expected.stats["rays"]
     assert image.stats["nonfinite"] == 0
