@@ -19,6 +19,8 @@ from furcl.fibre import Fibre
 from furcl.material import build_material, fibre_features
 from furcl.medulla import MedullaProfiles, build_profiles
 from furcl.paper import LOBE_SHARES
+from furcl.probe import Probe
+from furcl.tables import tables_from_bins as from_bins
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 
@@ -183,12 +185,38 @@ def lobes(device: Device) -> None:
         print(f"{name}: leaves out", ", ".join(material.features.dropped_lobes) or "no lobe")
 
 
+def weights(device: Device) -> None:
+    """Tables with and without the peaks of their bins: second moment and largest of the weights."""
+    fibres = {name: Fibre.preset(name) for name in PRESETS[:4]}
+    fibres |= {"eta 1.0001": Fibre(eta=1.0001), "l 0.001": Fibre(layers=1e-3)}
+    means_only = mock.patch("furcl.material.tables_from_bins", lambda means, _: from_bins(means))
+    for name, fibre in fibres.items():
+        with means_only:
+            plain = Probe(fibre, device=device, residual=True)
+        probe = Probe(fibre, device=device, residual=True)
+        assert plain.material.tables is not None
+        assert probe.material.tables is not None
+        added = probe.material.tables.energy / plain.material.tables.energy - 1.0
+        print(
+            f"{name}: energy added at theta 0", percent(added[0]), "at most", percent(added.max())
+        )
+        for degrees in (0, 45, 75, 89):
+            theta = np.radians(degrees)
+            wo = np.array([np.sin(theta), np.cos(theta), 0.0])
+            line = f"  theta {degrees}, second moment and largest over the mean:"
+            for which in (plain, probe):
+                weight = which.sample(wo, n=1_000_000, seed=1)[3].mean(1).astype(np.float64)
+                mean = weight.mean()
+                line += f" {(weight**2).mean() / mean**2:.3f} {weight.max() / mean:.3g}"
+            print(line)
+
+
 def main() -> None:
     """Print everything."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--device", default="", help="as for furcl render")
     device = open_device(parser.parse_args().device or None)
-    for part in (fresnel, gaussians, tilts, absorption, energies, lobes, dense):
+    for part in (fresnel, gaussians, tilts, absorption, energies, lobes, dense, weights):
         print(f"\n{part.__doc__}")
         part(device)
 

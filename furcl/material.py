@@ -13,7 +13,13 @@ from furcl.buffers import Memory
 from furcl.features import ALL_LOBES, SCATTERED_LOBES, Features
 from furcl.fibre import Fibre
 from furcl.medulla import MedullaProfiles, build_profiles
-from furcl.tables import AttenuationTables, row_angles, tables_from_bins
+from furcl.tables import (
+    ROWS_BETWEEN,
+    AttenuationTables,
+    peaks_around,
+    row_angles,
+    tables_from_bins,
+)
 
 LOCAL_SIZE = 64
 
@@ -116,7 +122,7 @@ def build_material(
         if not features.scattered:
             profiles, packed = None, _empty_profiles(features)
     needs_tables = bins is not None and features.sampler.needs_tables
-    tables = tables_from_bins(bins) if bins is not None and needs_tables else None
+    tables = tables_from_bins(*bins) if bins is not None and needs_tables else None
     packed_tables = tables.packed if tables else np.zeros(0, np.float32)
     return Material(
         fibre,
@@ -142,7 +148,7 @@ def _empty_profiles(features: Features) -> np.ndarray:
 
 def _without_negligible(features: Features, bins: np.ndarray) -> tuple[Features, np.ndarray]:
     """Features without the lobes that carry next to nothing, and bins with zeros for them."""
-    energy = bins.mean(axis=2, dtype=np.float64)
+    energy = bins[0].mean(axis=2, dtype=np.float64)
     total = energy.sum(axis=1, keepdims=True)
     share = np.divide(energy, total, out=np.zeros_like(energy), where=total > 0.0).max(axis=0)
     dropped = tuple(
@@ -155,21 +161,22 @@ def _without_negligible(features: Features, bins: np.ndarray) -> tuple[Features,
         kept = kept.with_(scattered=False, profile_channels=0)
     gone = [i for i, name in enumerate(ALL_LOBES[: features.n_lobes]) if name in dropped]
     bins = bins.copy()
-    bins[:, gone] = 0.0
+    bins[:, :, gone] = 0.0
     return kept, bins
 
 
 def _attenuation_bins(
     memory: Memory, params: np.ndarray, features: Features, profiles: np.ndarray
 ) -> np.ndarray:
-    """(TABLE_ROWS, n_lobes, TABLE_BINS) float32 bin means of A_p, from kernels/tables.cl."""
+    """Means and peaks (2, TABLE_ROWS, n_lobes, TABLE_BINS) of A_p, float32, from kernels/tables.cl:
+    what `tables_from_bins` takes."""
     device = memory.device
-    theta = row_angles(layout.TABLE_ROWS)
+    theta = row_angles(1 + (layout.TABLE_ROWS - 1) * ROWS_BETWEEN)
     rows = np.stack([np.sin(theta), np.cos(theta)], 1).astype(np.float32)
-    shape = (layout.TABLE_ROWS, features.n_lobes, layout.TABLE_BINS)
+    shape = (len(rows), features.n_lobes, layout.TABLE_BINS, 2)
     out = memory.allocate("bins", 4 * int(np.prod(shape)))
     kernel = cl.Kernel(program.build(device, "tables.cl", features), "attenuation_bins")
-    n_items = layout.TABLE_ROWS * layout.TABLE_BINS
+    n_items = len(rows) * layout.TABLE_BINS
     profile_buffer = index_checks.upload(memory, "profiles", profiles, features.debug)
     checks = index_checks.IndexChecks(device.queue, features)
     checks.watch(profile_buffer)
@@ -179,8 +186,10 @@ def _attenuation_bins(
         (LOCAL_SIZE,),
         out,
         memory.upload("rows", rows),
+        np.uint32(len(rows)),
         params,
         profile_buffer,
     )
     checks.check("attenuation_bins")
-    return memory.read(out, shape)
+    means, peaks = np.moveaxis(memory.read(out, shape), -1, 0)
+    return np.stack([means[::ROWS_BETWEEN], peaks_around(peaks)])

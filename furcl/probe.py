@@ -195,6 +195,41 @@ class Probe:
         )
         return memory.read(value, (lobes, n, 3)), memory.read(pdf, (lobes, n))
 
+    def densities(
+        self, lobe: int, theta_in, theta_out, phi, turned
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The two factors of the density of R, TT or TRT, each alone.
+
+        Parameters
+        ----------
+        lobe : int              0, 1 or 2
+        theta_in : (n,)         inclination of wo [rad]
+        theta_out : (n,)        inclination of wi [rad]
+        phi : (n,)              azimuth of wi from wo [rad], on which the centre of R depends
+        turned : (n,)           azimuth of wi from the lobe's centre [rad]
+
+        Returns
+        -------
+        m : (n,) float32        longitudinal, per unit of sin(theta_out); integral 1
+        d : (n,) float32        azimuthal [1/rad]; integral 1
+        """
+        n = len(theta_in)
+        memory = Memory(self.device)
+        theta = np.stack([np.sin(theta_in), np.cos(theta_in)], 1).astype(np.float32)
+        to = np.stack([np.sin(theta_out), np.cos(theta_out), phi, turned], 1).astype(np.float32)
+        out = [memory.allocate(name, 4 * n) for name in ("longitudinal", "azimuthal")]
+        self._run(
+            "probe_densities",
+            n,
+            memory.upload("theta", theta),
+            memory.upload("to", to),
+            *out,
+            np.uint32(n),
+            np.uint32(lobe),
+            self.material.params,
+        )
+        return memory.read(out[0], n), memory.read(out[1], n)
+
     def _run(self, name: str, n: int, *arguments) -> None:
         size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
         cl.Kernel(self._program, name)(self.device.queue, size, (LOCAL_SIZE,), *arguments)

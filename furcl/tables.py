@@ -3,7 +3,7 @@
 Source: Shibaike and Iwasaki, sections 4.2 and 4.4 (200 bins over h in [-1, 1]). Changed: rows over
 theta, because A_p depends on it, dense at grazing incidence, where it depends on it most (with rows
 even in theta a thin cuticle seen along the fibre gives weights of 10^6); 100 bins over |h|, A_p
-being even in h (SPEC 4.3).
+being even in h (SPEC 4.3); bins that hold a narrow peak are lifted, see PEAK_TO_MEAN.
 """
 
 from __future__ import annotations
@@ -15,6 +15,17 @@ import numpy as np
 # A bin in which the quadrature sees nothing still gets this share of its lobe's mean, so that q is
 # positive wherever the lobe can be (SPEC 4.3).
 FLOOR = 1e-3 / 200
+
+# A bin is chosen at least as often as if its mean were its peak over this number: no weight is
+# larger than that times the energy which the row's chances are shares of.
+PEAK_TO_MEAN = 2.0
+
+# Every bin of a lobe that exists has at least this share of the row's energy, were it the only bin:
+# peaks too narrow for the quadrature to see.
+SMALLEST_SHARE = 1e-4
+
+# Rows at which peaks are sought, for each row of the tables.
+ROWS_BETWEEN = 4
 
 
 def row_angles(rows: int) -> np.ndarray:
@@ -33,12 +44,15 @@ class AttenuationTables:
     bin_cdf : (rows, lobes, bins) float32       over |h|, inclusive, last entry 1
     joint : (rows, lobes, bins) float32         q(lobe, h) for h in [-1, 1]; its integral is 1
     lobe_probability : (rows, lobes) float64    P(lobe), for statistics
+    energy : (rows,) float64                    what the chances are shares of: the albedo, and what
+                                                is lifted; times PEAK_TO_MEAN the largest weight
     """
 
     lobe_cdf: np.ndarray
     bin_cdf: np.ndarray
     joint: np.ndarray
     lobe_probability: np.ndarray
+    energy: np.ndarray
 
     @property
     def packed(self) -> np.ndarray:
@@ -47,12 +61,30 @@ class AttenuationTables:
         return np.concatenate([block.ravel() for block in blocks]).astype(np.float32)
 
 
-def tables_from_bins(bins: np.ndarray) -> AttenuationTables:
+def peaks_around(peaks: np.ndarray) -> np.ndarray:
+    """Largest value between the rows before and after each row of the tables.
+
+    Parameters
+    ----------
+    peaks : (1 + (rows - 1) ROWS_BETWEEN, lobes, bins)     peak of A_p in each bin
+
+    Returns
+    -------
+    (rows, lobes, bins)
+    """
+    n = ROWS_BETWEEN
+    padded = np.pad(peaks, ((n, n), (0, 0), (0, 0)))
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * n + 1, axis=0)
+    return around[::n].max(axis=-1)
+
+
+def tables_from_bins(bins: np.ndarray, peaks: np.ndarray | None = None) -> AttenuationTables:
     """Turn bin means of the attenuation into CDFs.
 
     Parameters
     ----------
     bins : (rows, lobes, bins) float    mean of A_p over each bin of |h|, >= 0
+    peaks : (rows, lobes, bins) float   what `peaks_around` returns; without them no bin is lifted
 
     Returns
     -------
@@ -61,6 +93,11 @@ def tables_from_bins(bins: np.ndarray) -> AttenuationTables:
     means = np.asarray(bins, np.float64)
     lobe_means = means.mean(axis=2, keepdims=True)
     means = np.where(lobe_means > 0.0, np.maximum(means, FLOOR * lobe_means), 0.0)
+    if peaks is not None:
+        means = np.maximum(means, np.asarray(peaks, np.float64) / PEAK_TO_MEAN)
+        exists = means.max(axis=(0, 2), keepdims=True) > 0.0
+        smallest = SMALLEST_SHARE * means.mean(axis=2).sum(axis=1)[:, None, None]
+        means = np.where(exists, np.maximum(means, smallest), 0.0)
     n_bins = means.shape[2]
     energy = means.mean(axis=2)  # half the integral over [-1, 1]
     total = energy.sum(axis=1, keepdims=True)
@@ -79,6 +116,7 @@ def tables_from_bins(bins: np.ndarray) -> AttenuationTables:
         bin_cdf=bin_cdf.astype(np.float32),
         joint=joint.astype(np.float32),
         lobe_probability=probability,
+        energy=total[:, 0],
     )
 
 

@@ -54,6 +54,20 @@ __kernel void probe_evaluate(
     }
 }
 
+/* Densities of lobe R, TT or TRT alone. Reads (sin, cos) of theta of wo and (s, c, azimuth, azimuth from
+   the lobe's centre) of wi; writes the longitudinal and the azimuthal density. Over n. */
+__kernel void probe_densities(
+    __global const float2* theta, __global const float4* to, __global float* longitudinal,
+    __global float* azimuthal, const uint n, const uint lobe, const FibreParams fibre)
+{
+    const uint i = get_global_id(0);
+    if (i >= n) return;
+    const Incidence in = incidence_at(&fibre, theta[i].x, theta[i].y);
+    const Longitudinal l = longitudinal_of(lobe, &fibre, &in, to[i].z);
+    longitudinal[i] = longitudinal_density(&l, to[i].x, to[i].y);
+    azimuthal[i] = azimuthal_density(to[i].w, azimuthal_beta(lobe, fibre.beta_n));
+}
+
 /* The uniform numbers of sample i of pixel 0, or those that the caller gives. */
 static inline float4 probe_numbers(
     uint seed, uint i, uint dimension, uint given, __global const float4* numbers)

@@ -10,14 +10,16 @@ import pytest
 from kernel_harness import call
 
 from furcl.bench import stability
+from furcl.bench.stability import WIDTHS
 from furcl.bench.stability_compare import Comparison, Row, probe_of
 from furcl.bench.stability_conditioning import attenuation_conditioning, reference_attenuation
-from furcl.bench.stability_integrals import BAR, integrals
+from furcl.bench.stability_integrals import BAR, factors, integrals
 from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import LAST, Points, grid_fibres, points, random_fibre
 from furcl.bench.stability_reference import reference_rows
 from furcl.errors import FibreError
 from furcl.fibre import RANGES, Fibre
+from furcl.probe import Probe
 
 N_FIBRES = 40
 N_POINTS = 250
@@ -57,6 +59,17 @@ def test_errors_are_within_the_bars_or_the_conditioning(swept):
 
 def test_energy_is_at_most_one(swept):
     assert swept["energy", "all"].value <= 1 + 1e-3
+
+
+def test_weights_are_within_the_ratios_of_a_bin(swept):
+    """At most 2.8 (SPEC 4.2) times the energy that the tables share out, for every sampler; as
+    sampled, and as float64 has it at all points. Without the peaks of the tables R had 697."""
+    assert {"bin ratio", "sample weight", "sample weight (uniform-h)"} <= {q for q, _ in swept}
+    for (quantity, lobe), row in swept.items():
+        if "weight" in quantity or quantity == "bin ratio":
+            assert row.excess <= 1.0, row
+            if lobe in ("R", "TT", "TRT", "residual"):
+                assert row.max_absolute < 4.0, row
 
 
 def test_value_over_pdf_is_the_sample_weight(swept):
@@ -180,19 +193,19 @@ def test_an_offset_stays_in_its_bin(device):
     _, h, lobe, weight, _ = probe.sample(
         np.array([[-0.87212, 0.48929, 0.0]]), n=20_000, numbers=numbers
     )
-    assert weight[lobe == 3].max() < 100
+    assert weight[lobe == 3].max() < 10
     assert np.abs(h).max() < 1
 
 
 def test_lobes_at_the_rim_are_seen_by_the_tables(device):
     """At eta = 1.0001 TRT and the residual live within 1e-4 of |h| = 1 and vanish there: even steps
-    in the last bin missed them, weights of 3e4; measured 286."""
+    in the last bin missed them, weights of 3e4, and their mean gave 286; measured 2.0."""
     probe = probe_of(Fibre(eta=1.0001, layers=0.3), device, specialised=False)
     rng = np.random.default_rng(2)
     numbers = rng.random((50_000, 2, 4)).astype(np.float32) * np.float32(LAST)
     numbers[::2, 0, 1] = 1.0 - 1e-4 * rng.random(25_000)  # the last lobe
     _, _, _, weight, _ = probe.sample(np.array([[0.78, 0.6258, 0.0]]), n=50_000, numbers=numbers)
-    assert weight.max() < 1000
+    assert weight.max() < 2.8
 
 
 def test_reflectance_near_index_one(device):
@@ -216,10 +229,8 @@ def test_weights_stay_within_the_ratios_of_a_bin(device, name, theta_deg):
     wo = np.array([math.sin(theta), math.cos(theta), 0.0])
     _, _, _, weight, _ = probe.sample(wo, n=20_000, seed=2)
     scalar = weight.mean(axis=1)
-    # Both thin cuticles reflect all light at the rim, |h| = 1, and almost none beside it.
-    assert np.mean((scalar / scalar.mean()) ** 2) < (3.0 if name in thin else 1.3)
-    if name not in thin:
-        assert scalar.max() < 3.0 * scalar.mean()
+    assert np.mean((scalar / scalar.mean()) ** 2) < 1.4
+    assert scalar.max() < 3.0 * scalar.mean()
 
 
 def test_frame_along_the_fibre(device):
@@ -236,6 +247,28 @@ def test_frame_along_the_fibre(device):
     for axis in ("across", "side"):
         length = call(device, "frame.clh", f"length({make}.{axis})", *wo.T)
         np.testing.assert_allclose(length, 1.0, atol=5e-7)
+
+
+def test_m_and_d_alone_integrate_to_one(device):
+    """Of every lobe, for every width from the narrowest that is allowed; measured 4e-5 and 5e-7."""
+    rows = factors(device, WIDTHS, (0.0, 1.0, 1.5, math.pi / 2))
+    assert [(row.quantity, row.lobe) for row in rows] == [
+        (f"integral of {name}", lobe) for name in "MD" for lobe in ("R", "TT", "TRT")
+    ]
+    for row in rows:
+        assert row.points > 1000
+        assert (row.nan, row.inf, row.negative) == (0, 0, 0), row
+        assert row.max_relative <= BAR, row
+
+
+def test_a_wrong_integral_is_seen(device, monkeypatch):
+    """Mutant: densities larger by a five-hundredth."""
+    real = Probe.densities
+    monkeypatch.setattr(
+        Probe, "densities", lambda *given: [np.float32(1.002) * x for x in real(*given)]
+    )
+    for row in factors(device, (0.1,), (0.5,)):
+        assert row.excess > 1.0
 
 
 def test_lobes_integrate_to_their_energy(device):

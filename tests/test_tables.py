@@ -5,22 +5,93 @@ import pytest
 from fibres import FIBRES
 
 from furcl import bcsdf, layout
+from furcl.bench.stability_compare import probe_of
+from furcl.bench.stability_conditioning import reference_attenuation
+from furcl.bench.stability_points import points
+from furcl.bench.stability_weights import BIN_RATIO, Rows
 from furcl.buffers import Memory
+from furcl.fibre import Fibre
 from furcl.material import build_material, fibre_features
-from furcl.tables import FLOOR, tables_from_bins
+from furcl.tables import (
+    FLOOR,
+    PEAK_TO_MEAN,
+    ROWS_BETWEEN,
+    SMALLEST_SHARE,
+    peaks_around,
+    tables_from_bins,
+)
 
 
 @pytest.mark.parametrize("name", FIBRES)
 def test_joint_density_is_that_of_the_reference(device, name):
     fibre = FIBRES[name]
     material = build_material(Memory(device), fibre, fibre_features(fibre, sampling="full-cdf"))
-    reference = bcsdf.attenuation_tables(fibre, material.profiles)
-    expected = tables_from_bins(reference).joint
-    assert material.tables is not None
+    means = bcsdf.attenuation_tables(fibre, material.profiles)
+    expected = tables_from_bins(means).joint
+    tables = material.tables
+    assert tables is not None
     # The device's 16-point rule in a bin: measured within 0.4 % of the lobe's mean; at the edge of
-    # the medulla the scattered lobes begin inside a bin.
-    mean = expected.mean(axis=2, keepdims=True)
-    assert np.max(np.abs(material.tables.joint - expected) / (expected + mean + 1e-30)) < 0.02
+    # the medulla the scattered lobes begin inside a bin. Bins with a peak may be chosen more often.
+    found = tables.joint * (tables.energy / means.mean(2).sum(1))[:, None, None]
+    error = found - expected
+    allowed = 0.02 * (expected + expected.mean(axis=2, keepdims=True)) + 1e-30
+    assert np.all(error > -allowed)
+    assert np.mean(error < allowed + SMALLEST_SHARE) > 0.95
+    # What that adds: measured at most 0.4 % of the energy.
+    np.testing.assert_allclose(tables.energy, means.mean(2).sum(1), rtol=0.01)
+
+
+def _largest_ratio(device, fibre, rng):
+    """Largest weight over the energy of the rows, at random offsets and inclinations: float64."""
+    probe = probe_of(fibre, device, specialised=False)
+    at = points(fibre, rng, 20_000)
+    theta = np.arctan2(at.sin_cos[:, 0], at.sin_cos[:, 1])
+    assert probe.material.tables is not None
+    rows = Rows(probe.material.tables, at.sin_cos[:, 1])
+    exact = reference_attenuation(probe, at.h, theta).mean(-1)
+    return (rows.weight(exact, at.h) / rows.energy).max()
+
+
+EXTREME = {
+    "index 1.0001": Fibre(eta=1.0001),
+    "index 1.001, thin cuticle": Fibre(eta=1.001, layers=0.3),
+    "thin cuticle": Fibre(layers=1e-3),
+    "opaque medulla": Fibre(eta=1.5, kappa=0.7, sigma_ms=50.0, layers=1.3),
+    "thin medulla": Fibre(kappa=1e-6, sigma_ms=1e4),
+    "raccoon": Fibre.preset("raccoon"),
+}
+
+
+@pytest.mark.parametrize("name", EXTREME)
+def test_no_weight_is_far_above_the_energy(device, rng, name):
+    """2.8 is the worst ratio that SPEC 4.2 gives; measured at most 2.2."""
+    ratio = _largest_ratio(device, EXTREME[name], rng)
+    assert ratio <= BIN_RATIO
+
+
+def test_the_mean_of_a_bin_alone_would_not_do(device, rng, monkeypatch):
+    """Mutant: tables without the peaks, as the paper has them; measured 500."""
+    monkeypatch.setattr("furcl.material.tables_from_bins", lambda means, _: tables_from_bins(means))
+    ratio = _largest_ratio(device, EXTREME["index 1.0001"], rng)
+    assert ratio > 10 * BIN_RATIO
+
+
+def test_peaks_are_sought_between_the_rows():
+    fine = np.zeros((1 + 3 * ROWS_BETWEEN, 1, 2))
+    fine[ROWS_BETWEEN + 1, 0, 1] = 1.0  # between the second row and the third
+    np.testing.assert_array_equal(peaks_around(fine)[:, 0], [[0, 0], [0, 1], [0, 1], [0, 0]])
+
+
+def test_bins_with_a_peak_are_lifted(bins):
+    peaks = np.where(bins > 0.0, bins, 0.0)
+    peaks[2, 1, 3] = 50.0
+    tables = tables_from_bins(bins, peaks)
+    means = tables.joint * 2.0 * tables.energy[:, None, None]
+    np.testing.assert_allclose(means[2, 1, 3], 50.0 / PEAK_TO_MEAN, rtol=1e-6)
+    kept = bins > 1e-3
+    kept[2, 1, 3] = False
+    np.testing.assert_allclose(means[kept], bins[kept], rtol=1e-6)
+    assert np.all(means[2] >= 0.999 * SMALLEST_SHARE * bins[2].mean(1).sum())
 
 
 @pytest.fixture

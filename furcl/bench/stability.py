@@ -19,7 +19,7 @@ from furcl.bench.stability_conditioning import (
     reference_attenuation,
     reference_evaluate,
 )
-from furcl.bench.stability_integrals import integrals
+from furcl.bench.stability_integrals import factors, integrals
 from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import Points, grid_fibres, points, random_fibre
 from furcl.bench.stability_reference import reference_rows
@@ -29,6 +29,10 @@ from furcl.fibre import Fibre
 
 SCHEMA = "furcl-stability-1"
 POINTS_PER_FIBRE = 2000
+
+WIDTHS = (1e-3, 1.5e-3, 3e-3, 1e-2, 0.03, 0.1, 0.27, 0.39, 0.41, 0.7, 1.0, 1.1, 1.49, 1.51, 2.5)
+"""Widths [rad] at which M and D are integrated: the range that a `Fibre` allows, and both sides of
+where a formula changes."""
 
 #: Called with the part that is under way, and its steps done and in all.
 Progress = Callable[[str, int, int], None]
@@ -57,7 +61,8 @@ def run(
     -------
     dict    `rows`: one for each quantity and lobe (furcl.bench.stability_compare.Row, with the
             command that replays its worst point); `parameters`: largest excess over the edges of
-            each parameter; `renders`
+            each parameter; `weights`: the largest by region (stability_weights.Region);
+            `renders`
     """
     opened = device if isinstance(device, Device) else open_device(device)
     n_points = n_points or (100_000 if quick else 10_000_000)
@@ -76,6 +81,7 @@ def run(
     degrees = (0.0, 60.0) if quick else (0.0, 60.0, 85.0, 89.5)
     rows = [
         *total.rows.values(),
+        *factors(opened, WIDTHS, [math.radians(d) for d in (0.0, 30.0, 60.0, 85.0, 89.5, 90.0)]),
         *integrals(opened, betas, [math.radians(d) for d in degrees]),
         *medulla_rows(opened, quick),
         *reference_rows(),
@@ -89,6 +95,7 @@ def run(
         "random_points": n_fibres * POINTS_PER_FIBRE,
         "rows": [_plain(row) for row in rows],
         "parameters": parameters,
+        "weights": [dataclasses.asdict(region) for region in total.regions],
         "renders": render_rows(opened, quick, say) if renders else [],
     }
     results["passed"] = passed(results)
@@ -109,7 +116,7 @@ def passed(results: dict[str, Any]) -> bool:
 def replay(point: dict[str, Any], device: str | Device | None = None) -> list[list[Any]]:
     """Device and float64 values at a point of a row, as quantity, lobe, device, float64, and what
     one unit in the last place of the inputs changes; largest channel."""
-    probe = probe_of(Fibre(**point["fibre"]), device)
+    probe = probe_of(Fibre(**point["fibre"]), device, point.get("sampling", "full-cdf"))
     at = Points(*(np.array([point[name]], np.float64) for name in ("sin_cos", "h", "wo", "wi")))
     theta = np.arctan2(at.sin_cos[:, 0], at.sin_cos[:, 1])
     quantities = (
@@ -149,7 +156,9 @@ def _grid(
                     quantity: max(r.excess for r in part.rows.values() if r.quantity == quantity)
                     for quantity in ("attenuation", "evaluate")
                 },
-                "weight": max(r.value for r in part.rows.values() if r.quantity == "sample weight"),
+                "weight": max(
+                    r.max_absolute for r in part.rows.values() if r.quantity == "sample weight"
+                ),
             }
         )
         total.merge(part)

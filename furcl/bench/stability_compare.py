@@ -23,6 +23,13 @@ from furcl.bench.stability_conditioning import (
     rescaled,
 )
 from furcl.bench.stability_points import LAST, Points
+from furcl.bench.stability_weights import (
+    BIN_RATIO,
+    Rows,
+    inside,
+    largest_weight,
+    no_regions,
+)
 from furcl.fibre import Fibre
 from furcl.material import fibre_features
 from furcl.medulla import AzimuthProfiles, LongitudinalProfiles, MedullaProfiles
@@ -151,6 +158,7 @@ class Comparison:
     def __init__(self, device) -> None:
         self.device = device
         self.rows: dict[tuple[str, str], Row] = {}
+        self.regions = no_regions()
 
     def row(self, quantity: str, lobe: str) -> Row:
         """The row of a quantity and a lobe."""
@@ -162,11 +170,16 @@ class Comparison:
         self._attenuation(probe, points)
         self._evaluate(probe, points)
         self._sample(probe, points, seed)
+        # The other samplers share its tables and lobes: a sixteenth of the fibres will do.
+        for sampling in ("uniform-h", "attenuation-cdf") if seed % 16 == 0 else ():
+            self._sample(probe_of(fibre, self.device, sampling, specialised=False), points, seed)
 
     def merge(self, other: Comparison) -> None:
         """Add the rows of another comparison."""
         for row in other.rows.values():
             self.row(row.quantity, row.lobe).merge(row)
+        for mine, found in zip(self.regions, other.regions, strict=True):
+            mine.merge(found)
 
     def _attenuation(self, probe: Probe, points: Points) -> None:
         theta = np.arctan2(points.sin_cos[:, 0], points.sin_cos[:, 1])
@@ -176,6 +189,7 @@ class Comparison:
             row = self.row("attenuation", lobe)
             row.count(got[p])
             self._errors(row, probe, points, got[p], reference[p], attenuation_conditioning, p)
+        self._bin_ratios(probe, points, theta, reference.mean(-1))
         total = self.row("energy", "all")
         total.count(got.sum(0))
         most = got.sum(0).max(-1)
@@ -184,6 +198,43 @@ class Comparison:
             total.value, total.reference = float(most[at]), float(reference.sum(0)[at].max())
             total.excess = max(most[at] - 1.0, 0.0) / 1e-3
             total.worst = describe(probe.fibre, points, at)
+
+    def _bin_ratios(self, probe: Probe, points: Points, theta: Array, reference: Array) -> None:
+        """Weights at the points, from the float64 attenuation and the tables, against their bar.
+
+        Peaks narrower than what float32 can tell of h count with what is beside them.
+        """
+        tables = probe.material.tables
+        if tables is None:
+            return
+        beside = [
+            reference_attenuation(probe, rescaled(points.h, way), theta).mean(-1)
+            for way in (-1.0, 1.0)
+        ]
+        reference = np.minimum(reference, np.maximum(*beside))
+        rows = Rows(tables, points.sin_cos[:, 1])
+        weight = rows.weight(reference, points.h)
+        allowed = np.maximum(BIN_RATIO * rows.energy, 1e-30)
+        for region in self.regions:
+            here = inside(region, probe.fibre.eta, points.sin_cos[:, 1])
+            ratio = BIN_RATIO * weight[:, here] / allowed[here]
+            region.bin_ratio = max(region.bin_ratio, float(ratio.max(initial=0.0)))
+        for p, lobe in enumerate(probe.lobes):
+            row = self.row("bin ratio", lobe)
+            row.count(weight[p, :, None])
+            self._largest(row, probe, points, weight[p], allowed)
+
+    def _largest(self, row: Row, probe: Probe, points: Points, weight, allowed, at=None) -> bool:
+        """Note the largest weight over what is allowed; whether it is the row's largest so far."""
+        row.max_absolute = max(row.max_absolute, float(weight.max()))
+        ratio = weight / allowed
+        i = int(np.argmax(ratio))
+        if row.worst and ratio[i] <= row.excess:
+            return False
+        row.excess, row.value = float(ratio[i]), float(weight[i])
+        row.reference = float(allowed[i])
+        row.worst = describe(probe.fibre, points, i if at is None else int(at[i]))
+        return True
 
     def _evaluate(self, probe: Probe, points: Points) -> None:
         value, pdf = probe.evaluate_lobes(points.wo, points.wi, points.h)
@@ -232,24 +283,36 @@ class Comparison:
         ends = rng.random(numbers.shape) + (np.arange(n) % 2)[:, None, None]
         numbers = np.where(ends < 1 / 6, 0.0, np.where(ends < 1 / 3, LAST, numbers))
         wi, h, lobe, weight, pdf = probe.sample(points.wo, numbers=numbers)
-        scale = np.maximum(total_attenuation(probe, points), 1e-30)
+        allowed = largest_weight(probe, np.hypot(points.wo[:, 1], points.wo[:, 2]))
+        suffix = "" if probe.features.sampling == "full-cdf" else f" ({probe.features.sampling})"
         for p, name in enumerate(probe.lobes):
             chosen = np.flatnonzero(lobe == p)
             if not len(chosen):
                 continue
-            row = self.row("sample weight", name)
+            row = self.row("sample weight" + suffix, name)
             row.count(np.concatenate([weight, h[:, None] ** 2, pdf[:, None]], 1)[chosen])
             row.nan += int(np.isnan(wi[chosen]).any(-1).sum())
             bad = ~(np.isfinite(weight[chosen]) & (weight[chosen] >= 0.0)).all(-1)
             scalar = np.where(bad, np.inf, weight[chosen].mean(-1))
-            at = int(np.argmax(scalar))
-            if scalar[at] > row.value:
-                row.value = float(scalar[at])
-                row.reference = float(scale[chosen[at]])
-                row.worst = describe(probe.fibre, points, int(chosen[at]))
-                row.worst["numbers"] = numbers[chosen[at]].tolist()
+            if self._largest(row, probe, points, scalar, allowed[p, chosen], chosen):
+                at = int(np.argmax(scalar / allowed[p, chosen]))
+                row.worst |= {"numbers": numbers[chosen[at]].tolist()}
+                row.worst |= {"sampling": probe.features.sampling}
+            if not suffix:
+                self._regions(probe, points.wo[chosen], scalar)
             drawn = chosen[chosen % 2 == 1]
             self._weights(probe, points, drawn, name, p, (wi, h, weight))
+
+    def _regions(self, probe: Probe, wo: Array, weight: Array) -> None:
+        """The largest weights (n,) at directions wo (n, 3), by region."""
+        cos = np.hypot(wo[:, 1], wo[:, 2])
+        assert probe.material.tables is not None
+        ratio = weight / np.maximum(Rows(probe.material.tables, cos).energy, 1e-30)
+        for region in self.regions:
+            here = inside(region, probe.fibre.eta, cos)
+            region.samples += int(here.sum())
+            region.weight = max(region.weight, float(weight[here].max(initial=0.0)))
+            region.ratio = max(region.ratio, float(ratio[here].max(initial=0.0)))
 
     def _weights(self, probe, points: Points, chosen, name: str, p: int, sampled) -> None:
         """0.5 evaluate / pdf of what `sample` returns is its weight."""
@@ -280,12 +343,6 @@ class Comparison:
             row.excess = row.max_relative / 1e-4
             row.worst = describe(probe.fibre, points, int(chosen[at]))
             row.worst |= {"wi": wi[at].tolist(), "h": float(h[at])}
-
-
-def total_attenuation(probe: Probe, points: Points) -> Array:
-    """(n,) energy of all lobes at the points' own h and inclination, mean of the channels."""
-    theta = np.arctan2(points.sin_cos[:, 0], points.sin_cos[:, 1])
-    return reference_attenuation(probe, points.h, theta).sum(0).mean(-1)
 
 
 def describe(fibre: Fibre, points: Points, i: int) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl import bcsdf, layout
+from furcl.bcsdf import LOBES
 from furcl.bcsdf.angles import centre_and_width
 from furcl.bench.stability_compare import Row, describe, probe_of
 from furcl.bench.stability_conditioning import reference_attenuation
@@ -26,6 +27,9 @@ BAR = 1e-3
 """Largest error of an integral, relative."""
 
 OFFSET = 0.3
+
+_PHIS = (0.0, 1.0, 2.5, math.pi - 1e-3, math.pi)
+"""Azimuths of wi, on which the centre and the width of R depend."""
 
 
 def integrals(device, betas: Sequence[float], thetas: Sequence[float]) -> list[Row]:
@@ -50,6 +54,61 @@ def integrals(device, betas: Sequence[float], thetas: Sequence[float]) -> list[R
                     row = rows.setdefault(lobe, Row("integral", lobe, value=1.0, reference=1.0))
                     _add(row, probe, theta, p)
     return list(rows.values())
+
+
+def factors(device, betas: Sequence[float], thetas: Sequence[float]) -> list[Row]:
+    """Rows of the longitudinal density M and the azimuthal density D of R, TT and TRT, each alone:
+    largest error of its integral over widths and inclinations.
+
+    Parameters
+    ----------
+    betas : rad         widths of both
+    thetas : rad        inclinations of wo
+    """
+    rows = {
+        (name, lobe): Row(name, lobe, value=1.0, reference=1.0)
+        for name in ("integral of M", "integral of D")
+        for lobe in LOBES[:3]
+    }
+    for beta in betas:
+        fibre = Fibre(alpha_deg=5.0, beta_m_deg=math.degrees(beta), beta_n_deg=math.degrees(beta))
+        probe = probe_of(fibre, device, specialised=False)
+        for p, lobe in enumerate(LOBES[:3]):
+            nodes = [_one_longitudinal(fibre, p, theta, phi) for theta in thetas for phi in _PHIS]
+            at, weight = np.concatenate([x for x, _ in nodes], 1), [w for _, w in nodes]
+            turned, w_turned = _pieces([(0.0, beta * math.sqrt(p + 1.0))], -math.pi, 2.0 * math.pi)
+            ends = np.cumsum([len(w) for w in weight])[:-1]
+            m, _ = probe.densities(p, at[0], at[1], at[2], np.zeros(at.shape[1]))
+            zero = np.zeros(len(turned))
+            _, d = probe.densities(p, zero, zero, zero, turned)
+            for part, w, (theta, *_) in zip(
+                np.split(m, ends), weight, np.split(at, ends, 1), strict=True
+            ):
+                _score(rows["integral of M", lobe], part, w, probe, float(theta[0]))
+            _score(rows["integral of D", lobe], d, w_turned, probe, 0.0)
+    return list(rows.values())
+
+
+def _one_longitudinal(fibre: Fibre, p: int, theta: float, phi: float) -> tuple[Array, Array]:
+    """(theta_in, theta_out, phi) of nodes (3, n) over theta_out, and their weights in its sine."""
+    mu, width = centre_and_width(fibre, p, np.array([theta]), np.array([phi]))
+    inside = float(np.clip(mu[0], -math.pi / 2, math.pi / 2))
+    angle, w = _pieces([(inside, float(width[0]))], -math.pi / 2, math.pi)
+    return np.stack([np.full_like(angle, theta), angle, np.full_like(angle, phi)]), w * np.cos(
+        angle
+    )
+
+
+def _score(row: Row, density, weight: Array, probe: Probe, theta: float) -> None:
+    """Add the integral of one density to its row."""
+    row.count(np.asarray(density, np.float64)[:, None])
+    error = abs(float(np.asarray(density, np.float64) @ weight) - 1.0)
+    row.within_bars += len(weight) * (error <= BAR)
+    if not error <= row.max_relative:
+        row.max_relative, row.excess, row.value = error, error / BAR, 1.0 + error
+        at = np.array([[np.sin(theta), np.cos(theta)]])
+        wo = np.array([[at[0, 0], at[0, 1], 0.0]])
+        row.worst = describe(probe.fibre, Points(at, np.array([OFFSET]), wo, wo), 0)
 
 
 def _add(row: Row, probe: Probe, theta: float, p: int) -> None:

@@ -96,6 +96,28 @@ def write_numerics(results: Mapping[str, Any], path: str | Path) -> None:
         temporary.write_text(f"{before}{BEGIN}\n{_tables(results)}{END}{after}")
 
 
+def _weights(results: Mapping[str, Any]) -> list[str]:
+    """Largest weights by lobe and sampler, and by region."""
+    found = (
+        f"{r['quantity'].replace('sample weight', '').strip(' ()') or 'full-cdf'} {r['lobe']} "
+        f"{number(r['max_absolute'])}"
+        for r in results["rows"]
+        if r["quantity"].startswith("sample weight")
+    )
+    lines = [
+        "",
+        f"Largest sample weights, mean of the channels: {', '.join(found)}.",
+        "",
+        "| eta | \\|theta\\| [deg] | samples | largest weight | over the energy | float64 |",
+        "|---|---|--:|--:|--:|--:|",
+    ]
+    for r in results["weights"]:
+        eta, degrees = (f"{r[name][0]:g} to {r[name][1]:g}" for name in ("eta", "degrees"))
+        cells = " | ".join(number(r[name]) for name in ("weight", "ratio", "bin_ratio"))
+        lines.append(f"| {eta} | {degrees} | {r['samples']:,} | {cells} |")
+    return lines
+
+
 def _tables(results: Mapping[str, Any]) -> str:
     device = results["device"]
     run = (
@@ -118,12 +140,7 @@ def _tables(results: Mapping[str, Any]) -> str:
             + f" | {share} | {number(r['conditioning']) if r['conditioning'] else ''} | "
             f"{number(r['excess'])} |"
         )
-    weights = (
-        f"{r['lobe']} {number(r['value'])} (eta {r['worst']['fibre']['eta']:g})"
-        for r in results["rows"]
-        if r["quantity"] == "sample weight"
-    )
-    lines += ["", f"Largest sample weights, mean of the channels: {', '.join(weights)}."]
+    lines += _weights(results)
     if results["renders"]:
         lines += [
             "",

@@ -1,0 +1,120 @@
+"""How large a sample's weight may be: float64 look-ups in the tables that the kernels sample from.
+
+A sample of lobe p at offset h has the weight A_p(h) / (2 q(p, h)), times what its direction adds.
+With the tables, q is constant in a bin and mixed between two rows of theta, so the weight varies by
+how much A_p does there; BIN_RATIO times the energy that the rows share out is the bar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl import layout
+from furcl.medulla import MedullaProfiles
+from furcl.probe import Probe
+from furcl.tables import AttenuationTables
+
+Array = NDArray[np.float64]
+
+BIN_RATIO = 2.8
+"""Largest value of A_p in a bin over what the tables promise for it: the worst that SPEC 4.2 gives
+for the paper's bins, of TTs where the edge of the medulla lies in one."""
+
+
+ETAS = ((1.0, 1.01), (1.01, 1.2), (1.2, 3.0))
+DEGREES = ((0.0, 80.0), (80.0, 89.0), (89.0, 90.0))
+"""Ranges of the index and of |theta| for which the largest weights are told apart; their upper ends
+belong to the next range, the last ones to the last."""
+
+
+@dataclass
+class Region:
+    """Largest weights for one range of the index and of the inclination.
+
+    `weight` as sampled, `ratio` over the energy of the tables, and `bin_ratio` the latter in
+    float64 at all points.
+    """
+
+    eta: tuple[float, float]
+    degrees: tuple[float, float]
+    samples: int = 0
+    weight: float = 0.0
+    ratio: float = 0.0
+    bin_ratio: float = 0.0
+
+    def merge(self, other: Region) -> None:
+        """Add what was found for the same ranges."""
+        self.samples += other.samples
+        for name in ("weight", "ratio", "bin_ratio"):
+            setattr(self, name, max(getattr(self, name), getattr(other, name)))
+
+
+def no_regions() -> list[Region]:
+    """All regions, with nothing found in them."""
+    return [Region(eta, degrees) for eta in ETAS for degrees in DEGREES]
+
+
+def inside(region: Region, eta: float, cos: Array) -> NDArray[np.bool_]:
+    """(n,) which inclinations of cosine `cos` are in a region, for a fibre of index `eta`."""
+    degrees = np.degrees(np.arccos(np.minimum(cos, 1.0)))
+    low, high = region.degrees
+    of_eta = region.eta[0] <= eta and (eta < region.eta[1] or region.eta == ETAS[-1])
+    below = (degrees < high) | (region.degrees == DEGREES[-1])
+    return of_eta & (low <= degrees) & below
+
+
+class Rows:
+    """The two rows of the tables around inclinations of cosine `cos` (n,)."""
+
+    def __init__(self, tables: AttenuationTables, cos: Array) -> None:
+        last = layout.TABLE_ROWS - 1
+        place = (1.0 - np.sqrt(cos)) * last
+        self.node = np.minimum(place.astype(np.intp), last - 1)
+        self.upper = place - self.node
+        self._tables = tables
+
+    @property
+    def energy(self) -> Array:
+        """(n,) what the chances are shares of, the larger of both rows."""
+        energy = self._tables.energy
+        return np.maximum(energy[self.node], energy[self.node + 1])
+
+    def weight(self, attenuation: Array, h: Array) -> Array:
+        """(lobes, n) weights A_p / (2 q) of A_p (lobes, n) at offsets h (n,); 0 where A_p is."""
+        bins = np.minimum((np.abs(h) * layout.TABLE_BINS).astype(np.intp), layout.TABLE_BINS - 1)
+        joint = self._tables.joint.astype(np.float64)
+        q = (
+            joint[self.node, :, bins].T * (1.0 - self.upper)
+            + joint[self.node + 1, :, bins].T * self.upper
+        )
+        # The kernels choose no lobe of a smaller density (MIN_JOINT in tables.clh).
+        chosen = q >= 1e-30
+        return np.divide(attenuation, 2.0 * q, out=np.zeros_like(q), where=chosen)
+
+
+def largest_weight(probe: Probe, cos: Array) -> Array:
+    """(lobes, n): the bar for weights, mean of the channels, at inclinations of cosine `cos`."""
+    tables = probe.material.tables
+    # Without tables h is uniform and the weight the sum of all A_p, whose bar is the same.
+    energy = np.full_like(cos, 1.001) if tables is None else BIN_RATIO * Rows(tables, cos).energy
+    factors = np.ones(len(probe.lobes))
+    if probe.material.profiles is not None:
+        factors[3:5] = _direction_factor(probe.material.profiles, probe.features.sampler)
+    return factors[:, None] * energy
+
+
+def _direction_factor(profiles: MedullaProfiles, sampler) -> float:
+    """Value over density of a scattered lobe's directions, over its energy, at most: what is not
+    absorbed on the way to one azimuth over what is not on the way to all, and for directions that
+    are drawn uniformly how much denser the profiles are than that."""
+    absorption, escape = profiles.azimuth.absorption, profiles.escape
+    factor = 1.0
+    if absorption is not None and escape is not None:
+        factor = float(absorption.max() / escape.min())
+    if sampler.scattered_angles == "uniform":
+        peak = profiles.azimuth.density.max() * profiles.longitudinal.density.max()
+        factor *= float(4.0 * np.pi * peak)
+    return factor
