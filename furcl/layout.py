@@ -89,8 +89,12 @@ STRUCTS: dict[str, list[tuple[str, str]]] = {
         ("sin_tilt_trt", "float"),  # of 3 a
         ("cos_tilt_trt", "float"),
         ("profile_taus_per_cos", "float"),  # profile nodes per unit of 1 - cos(theta_t), SPEC 2.6
+        ("kappa_low", "float"),  # what float32 leaves of kappa
+        ("kappa_sq_e", "float"),  # kappa^2 (eta^2 - 1), and ...
+        ("kappa_sq_e_low", "float"),  # ... what float32 leaves of it
         ("unused_1", "float"),
         ("unused_2", "float"),
+        ("unused_3", "float"),
     ],
     "Camera": [
         ("origin", "float4"),

@@ -14,10 +14,11 @@ from furcl.features import ALL_LOBES, SCATTERED_LOBES, Features
 from furcl.fibre import Fibre
 from furcl.medulla import MedullaProfiles, build_profiles
 from furcl.tables import (
+    GRAZING_ROWS,
     ROWS_BETWEEN,
     AttenuationTables,
+    peak_angles,
     peaks_around,
-    row_angles,
     tables_from_bins,
 )
 
@@ -37,6 +38,10 @@ def fibre_params(fibre: Fibre) -> np.ndarray:
     params["eta_sq_minus_one"] = (fibre.eta - 1.0) * (fibre.eta + 1.0)
     params["kappa"] = fibre.kappa
     params["one_minus_kappa"] = 1.0 - fibre.kappa
+    params["kappa_low"] = fibre.kappa - float(np.float32(fibre.kappa))
+    kappa_sq_e = fibre.kappa**2 * (fibre.eta - 1.0) * (fibre.eta + 1.0)
+    params["kappa_sq_e"] = kappa_sq_e
+    params["kappa_sq_e_low"] = kappa_sq_e - float(np.float32(kappa_sq_e))
     params["sigma_ms"] = fibre.sigma_ms
     params["layers"] = fibre.layers
     params["beta_m"] = fibre.beta_m
@@ -171,7 +176,7 @@ def _attenuation_bins(
     """Means and peaks (2, TABLE_ROWS, n_lobes, TABLE_BINS) of A_p, float32, from kernels/tables.cl:
     what `tables_from_bins` takes."""
     device = memory.device
-    theta = row_angles(1 + (layout.TABLE_ROWS - 1) * ROWS_BETWEEN)
+    theta = peak_angles(layout.TABLE_ROWS)
     rows = np.stack([np.sin(theta), np.cos(theta)], 1).astype(np.float32)
     shape = (len(rows), features.n_lobes, layout.TABLE_BINS, 2)
     out = memory.allocate("bins", 4 * int(np.prod(shape)))
@@ -192,4 +197,5 @@ def _attenuation_bins(
     )
     checks.check("attenuation_bins")
     means, peaks = np.moveaxis(memory.read(out, shape), -1, 0)
-    return np.stack([means[::ROWS_BETWEEN], peaks_around(peaks)])
+    means = means[:-GRAZING_ROWS:ROWS_BETWEEN]
+    return np.stack([means, peaks_around(peaks)])

@@ -18,14 +18,16 @@ FLOOR = 1e-3 / 200
 
 # A bin is chosen at least as often as if its mean were its peak over this number: no weight is
 # larger than that times the energy which the row's chances are shares of.
-PEAK_TO_MEAN = 2.0
+PEAK_TO_MEAN = 1.7
 
 # Every bin of a lobe that exists has at least this share of the row's energy, were it the only bin:
 # peaks too narrow for the quadrature to see.
 SMALLEST_SHARE = 1e-4
 
-# Rows at which peaks are sought, for each row of the tables.
+# Rows at which peaks are sought, for each row of the tables, and more of them, two
+# for each halving of the cosine, where thin cuticles begin to reflect everything.
 ROWS_BETWEEN = 4
+GRAZING_ROWS = 16
 
 
 def row_angles(rows: int) -> np.ndarray:
@@ -61,19 +63,31 @@ class AttenuationTables:
         return np.concatenate([block.ravel() for block in blocks]).astype(np.float32)
 
 
+def peak_angles(rows: int) -> np.ndarray:
+    """|theta| [rad] at which peaks are sought: ROWS_BETWEEN for each of the rows, the last at pi/2,
+    then GRAZING_ROWS between the last two of these."""
+    theta = row_angles(1 + (rows - 1) * ROWS_BETWEEN)
+    cosine = ((1.0 / ((rows - 1) * ROWS_BETWEEN)) ** 2) * 0.5 ** (
+        0.5 * np.arange(1, GRAZING_ROWS + 1)
+    )
+    return np.concatenate([theta, np.arccos(cosine)])
+
+
 def peaks_around(peaks: np.ndarray) -> np.ndarray:
     """Largest value between the rows before and after each row of the tables.
 
     Parameters
     ----------
-    peaks : (1 + (rows - 1) ROWS_BETWEEN, lobes, bins)     peak of A_p in each bin
+    peaks : (len(peak_angles(rows)), lobes, bins)     peak of A_p in each bin
 
     Returns
     -------
     (rows, lobes, bins)
     """
     n = ROWS_BETWEEN
-    padded = np.pad(peaks, ((n, n), (0, 0), (0, 0)))
+    even = peaks[:-GRAZING_ROWS].copy()
+    even[-1] = np.maximum(even[-1], peaks[-GRAZING_ROWS:].max(axis=0))
+    padded = np.pad(even, ((n, n), (0, 0), (0, 0)))
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * n + 1, axis=0)
     return around[::n].max(axis=-1)
 

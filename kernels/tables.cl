@@ -24,13 +24,13 @@ static inline float medulla_edge(const FibreParams* f, float cos_theta)
     return f->kappa * sqrt(f->eta_sq_minus_one + cos_theta * cos_theta) / (cos_theta + 1e-30f);
 }
 
-/* Offsets beside the edge of the medulla (k < 8) and below the rim (k < 16), where a lobe can be alive
+/* Offsets beside the edge of the medulla (k < 12) and below the rim (k < 20), where a lobe can be alive
    in far less than a step. */
 static inline float narrow_place(float edge, uint k)
 {
-    const float away = exp2(-23.0f + 4.0f * (float)(k >> 1));
-    if (k < 8u) return edge * (1.0f + (k & 1u ? away : -away));
-    return 1.0f - exp2(-24.0f + 2.0f * (float)(k - 8u));
+    const float away = exp2(-23.0f + 3.0f * (float)(k >> 1));
+    if (k < 12u) return edge * (1.0f + (k & 1u ? away : -away));
+    return 1.0f - exp2(-24.0f + 2.0f * (float)(k - 12u));
 }
 
 __kernel void attenuation_bins(
@@ -61,9 +61,9 @@ __kernel void attenuation_bins(
     const float edge_after = medulla_edge(&fibre, rows[min(row + 1u, n_rows - 1u)].y);
     const bool swept = (float)(bin + 1u) >= 0.9999f * edge * FURCL_TABLE_BINS &&
         (float)bin <= 1.0001f * edge_after * FURCL_TABLE_BINS;
-    for (uint k = 0; k < 16u; k++) {
+    for (uint k = 0; k < 20u; k++) {
         const float h = narrow_place(edge, k);
-        if (!(h <= 1.0f && (k < 8u ? swept : (uint)(h * FURCL_TABLE_BINS) == bin))) continue;
+        if (!(h <= 1.0f && (k < 12u ? swept : (uint)(h * FURCL_TABLE_BINS) == bin))) continue;
         const BcsdfAtOffset b = bcsdf_at_offset(&fibre, profiles, &in, h);
         for (uint p = 0; p < FURCL_LOBES; p++) {
             if (!lobe_exists(p)) continue;

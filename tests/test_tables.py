@@ -17,6 +17,7 @@ from furcl.tables import (
     PEAK_TO_MEAN,
     ROWS_BETWEEN,
     SMALLEST_SHARE,
+    peak_angles,
     peaks_around,
     tables_from_bins,
 )
@@ -45,10 +46,9 @@ def _largest_ratio(device, fibre, rng):
     """Largest weight over the energy of the rows, at random offsets and inclinations: float64."""
     probe = probe_of(fibre, device, specialised=False)
     at = points(fibre, rng, 20_000)
-    theta = np.arctan2(at.sin_cos[:, 0], at.sin_cos[:, 1])
     assert probe.material.tables is not None
     rows = Rows(probe.material.tables, at.sin_cos[:, 1])
-    exact = reference_attenuation(probe, at.h, theta).mean(-1)
+    exact = reference_attenuation(probe, at.h, at.theta).mean(-1)
     return (rows.weight(exact, at.h) / rows.energy).max()
 
 
@@ -77,9 +77,11 @@ def test_the_mean_of_a_bin_alone_would_not_do(device, rng, monkeypatch):
 
 
 def test_peaks_are_sought_between_the_rows():
-    fine = np.zeros((1 + 3 * ROWS_BETWEEN, 1, 2))
+    fine = np.zeros((len(peak_angles(4)), 1, 2))
     fine[ROWS_BETWEEN + 1, 0, 1] = 1.0  # between the second row and the third
     np.testing.assert_array_equal(peaks_around(fine)[:, 0], [[0, 0], [0, 1], [0, 1], [0, 0]])
+    fine[-1] = 2.0  # next to grazing incidence
+    np.testing.assert_array_equal(peaks_around(fine)[:, 0], [[0, 0], [0, 1], [2, 2], [2, 2]])
 
 
 def test_bins_with_a_peak_are_lifted(bins):

@@ -118,7 +118,7 @@ def replay(point: dict[str, Any], device: str | Device | None = None) -> list[li
     one unit in the last place of the inputs changes; largest channel."""
     probe = probe_of(Fibre(**point["fibre"]), device, point.get("sampling", "full-cdf"))
     at = Points(*(np.array([point[name]], np.float64) for name in ("sin_cos", "h", "wo", "wi")))
-    theta = np.arctan2(at.sin_cos[:, 0], at.sin_cos[:, 1])
+    theta = at.theta
     quantities = (
         ("attenuation", probe.attenuation(at.h, theta), reference_attenuation(probe, at.h, theta),
          attenuation_conditioning),

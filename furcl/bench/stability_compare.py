@@ -182,7 +182,7 @@ class Comparison:
             mine.merge(found)
 
     def _attenuation(self, probe: Probe, points: Points) -> None:
-        theta = np.arctan2(points.sin_cos[:, 0], points.sin_cos[:, 1])
+        theta = points.theta
         got = probe.attenuation(points.h, theta).astype(np.float64)
         reference = reference_attenuation(probe, points.h, theta)
         for p, lobe in enumerate(probe.lobes):
@@ -202,14 +202,14 @@ class Comparison:
     def _bin_ratios(self, probe: Probe, points: Points, theta: Array, reference: Array) -> None:
         """Weights at the points, from the float64 attenuation and the tables, against their bar.
 
-        Peaks narrower than what float32 can tell of h count with what is beside them.
+        Peaks narrower than a millionth of h count with what is beside them.
         """
         tables = probe.material.tables
         if tables is None:
             return
         beside = [
             reference_attenuation(probe, rescaled(points.h, way), theta).mean(-1)
-            for way in (-1.0, 1.0)
+            for way in (-4.0, 4.0)
         ]
         reference = np.minimum(reference, np.maximum(*beside))
         rows = Rows(tables, points.sin_cos[:, 1])

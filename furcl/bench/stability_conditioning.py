@@ -45,7 +45,7 @@ def reference_evaluate(
 def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
     """Change of the reference for one unit in the last place of h, of the cosine or of kappa."""
     h, sin_cos = points.h[at], points.sin_cos[at]
-    theta = np.arctan2(sin_cos[:, 0], sin_cos[:, 1])
+    theta = points.theta[at]
     middle = reference_attenuation(probe, h, theta)[p]
     effect = np.zeros_like(middle)
     for way in (-1.0, 1.0):

@@ -100,6 +100,12 @@ class Points:
     def __len__(self) -> int:
         return len(self.h)
 
+    @property
+    def theta(self) -> Array:
+        """(n,) inclinations whose cosine is that of `sin_cos` to float64."""
+        sine, cosine = self.sin_cos.T
+        return np.arctan2(np.copysign(np.sqrt((1.0 - cosine) * (1.0 + cosine)), sine), cosine)
+
 
 def points(fibre: Fibre, rng: np.random.Generator, n: int) -> Points:
     """Random points, half of each coordinate at an edge."""
