@@ -115,7 +115,7 @@ def passed(results: dict[str, Any]) -> bool:
 
 def replay(point: dict[str, Any], device: str | Device | None = None) -> list[list[Any]]:
     """Device and float64 values at a point of a row, as quantity, lobe, device, float64, and what
-    one unit in the last place of the inputs changes; largest channel."""
+    one unit in the last place of the inputs changes; of the point's channel, or the first."""
     probe = probe_of(Fibre(**point["fibre"]), device, point.get("sampling", "full-cdf"))
     at = Points(*(np.array([point[name]], np.float64) for name in ("sin_cos", "h", "wo", "wi")))
     theta = at.theta
@@ -128,10 +128,11 @@ def replay(point: dict[str, Any], device: str | Device | None = None) -> list[li
     rows = []
     for quantity, got, exact, conditioning in quantities:
         for p, lobe in enumerate(probe.lobes):
-            effect = conditioning(probe, at, [0], p).max()
-            rows.append(
-                [quantity, lobe, *(float(x) for x in (got[p].max(), exact[p].max(), effect))]
+            found = (
+                x[0, point.get("channel", 0)]
+                for x in (got[p], exact[p], conditioning(probe, at, [0], p))
             )
+            rows.append([quantity, lobe, *(float(x) for x in found)])
     if "numbers" in point:
         _, _, lobe, weight, _ = probe.sample(at.wo, numbers=[point["numbers"]])
         rows.append(["sample weight", probe.lobes[int(lobe[0])], float(weight.mean()), "", ""])

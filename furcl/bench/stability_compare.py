@@ -273,7 +273,7 @@ class Comparison:
             row.value = float(got[i, channel])
             row.reference = float(reference[i, channel])
             row.conditioning = float(effect[at, channel])
-            row.worst = describe(probe.fibre, points, int(i))
+            row.worst = {**describe(probe.fibre, points, int(i)), "channel": int(channel)}
 
     def _sample(self, probe: Probe, points: Points, seed: int) -> None:
         n = len(points)
