@@ -83,17 +83,23 @@ def run(
     dict    `rays`: per kind of ray the number, the share that hits, million rays a second of both
             (medians), `ratio` (median of the rounds' ratios), `cpu_ratio` (of processor seconds:
             steadier on a machine that others use; None on GPUs) and `disagreements`, the share of
-            rays on which the two find different things; sizes and build times
+            rays on which the two find different things; build times and memory [bytes]: the
+            groom, the tree on the device, most on the device while it was built, most in the
+            process before and after the groom was made and its tree built (CPU runtimes keep the
+            device's buffers in the process)
 
     Raises
     ------
     SceneError, GroomError, DeviceError, BvhError, KernelBuildError, ResourceError
     """
     opened = device if isinstance(device, Device) else open_device(device)
-    curves, camera = groom_and_camera(groom)
     Tracer(opened, GENERATORS["fibre"]())  # compiles the kernels, or loads what was compiled
+    host_start = _host_peak()
+    curves, camera = groom_and_camera(groom)
+    start_cpu = time.process_time()
     tracer = Tracer(opened, curves)
-    bvh, host_peak = tracer.bvh, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    build_cpu = time.process_time() - start_cpu
+    bvh, host_peak = tracer.bvh, _host_peak()
     start = time.perf_counter()
     scene = EmbreeScene(curves)
     embree_seconds = time.perf_counter() - start
@@ -104,7 +110,14 @@ def run(
         "segments": curves.n_segments,
         "bytes_per_segment": bvh.n_bytes / curves.n_segments,
         "build_seconds": bvh.build_seconds,
-        "build_bytes": {"host_peak": host_peak, "device_peak": tracer.memory.peak_bytes},
+        "build_cpu_seconds": build_cpu if opened.is_cpu else None,
+        "groom_bytes": curves.n_bytes,
+        "build_bytes": {
+            "device": bvh.n_bytes,
+            "device_peak": tracer.memory.peak_bytes,
+            "host_start": host_start,
+            "host_peak": host_peak,
+        },
         "embree_build_seconds": embree_seconds,
         "rounds": rounds,
         "rays": [
@@ -150,6 +163,11 @@ def _measure(tracer: Tracer, scene: EmbreeScene, rays: RaySet, rounds: int) -> d
         "cpu_ratio": float(np.median(embree_cpu / cpu)) if tracer.device.is_cpu else None,
         "disagreements": _disagreements(mine, other, rays.any_hit),
     }
+
+
+def _host_peak() -> int:
+    """Most memory that the process has held [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def _timed(action: Callable[[], Any]) -> tuple[float, float]:

@@ -40,9 +40,18 @@ def intersect(
 
     name = str(scene_path(groom)) if ":" not in groom else groom
     results = bench.run(name, out, device=device, size=size, rounds=rounds)
+    cpu = results["build_cpu_seconds"]
     print(
         f"{results['segments']} segments, {results['bytes_per_segment']:.1f} bytes each; built in "
-        f"{results['build_seconds']:.2f} s (Embree {results['embree_build_seconds']:.2f} s)"
+        f"{results['build_seconds']:.2f} s"
+        + (f", {cpu:.2f} processor seconds" if cpu is not None else "")
+        + f" (Embree {results['embree_build_seconds']:.2f} s)"
+    )
+    memory = {name: n / 1e6 for name, n in results["build_bytes"].items()}
+    print(
+        f"memory [MB]: groom {results['groom_bytes'] / 1e6:.0f}; device {memory['device']:.0f}, "
+        f"while building {memory['device_peak']:.0f}; host before the groom "
+        f"{memory['host_start']:.0f}, largest until built {memory['host_peak']:.0f}"
     )
     keys = ["kind", "n", "hit", "mrays_s", "embree_mrays_s", "ratio", "cpu_ratio", "disagreements"]
     columns = ["rays", "number", "hit", "M/s", "Embree M/s", "ratio", "CPU ratio", "disagree"]
