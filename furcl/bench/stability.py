@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.bench.stability_compare import Comparison, Row, probe_of, replay_command
+from furcl.bench.stability_compare import BARS, Comparison, Row, probe_of, replay_command
 from furcl.bench.stability_conditioning import (
     attenuation_conditioning,
     evaluate_conditioning,
+    pdf_conditioning,
     reference_attenuation,
     reference_evaluate,
+    reference_pdf,
 )
 from furcl.bench.stability_integrals import factors, integrals
 from furcl.bench.stability_medulla import medulla_rows
@@ -119,17 +121,22 @@ def replay(point: dict[str, Any], device: str | Device | None = None) -> list[li
     probe = probe_of(Fibre(**point["fibre"]), device, point.get("sampling", "full-cdf"))
     at = Points(*(np.array([point[name]], np.float64) for name in ("sin_cos", "h", "wo", "wi")))
     theta = at.theta
+    value, pdf = probe.evaluate_lobes(at.wo, at.wi, at.h)
+    densities = np.stack(
+        [reference_pdf(probe, at.wo, at.wi, at.h, p) for p in range(len(probe.lobes))]
+    )
     quantities = (
         ("attenuation", probe.attenuation(at.h, theta), reference_attenuation(probe, at.h, theta),
          attenuation_conditioning),
-        ("evaluate", probe.evaluate_lobes(at.wo, at.wi, at.h)[0],
+        ("evaluate", value,
          reference_evaluate(probe, at.wo, at.wi, at.h), evaluate_conditioning),
+        ("pdf", pdf[..., None], densities, pdf_conditioning),
     )  # fmt: skip
     rows = []
     for quantity, got, exact, conditioning in quantities:
         for p, lobe in enumerate(probe.lobes):
             found = (
-                x[0, point.get("channel", 0)]
+                x[0, min(point.get("channel", 0), x.shape[1] - 1)]
                 for x in (got[p], exact[p], conditioning(probe, at, [0], p))
             )
             rows.append([quantity, lobe, *(float(x) for x in found)])
@@ -155,7 +162,7 @@ def _grid(
                 "value": value,
                 "excess": {
                     quantity: max(r.excess for r in part.rows.values() if r.quantity == quantity)
-                    for quantity in ("attenuation", "evaluate")
+                    for quantity in BARS
                 },
                 "weight": max(
                     r.max_absolute for r in part.rows.values() if r.quantity == "sample weight"

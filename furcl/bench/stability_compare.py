@@ -18,8 +18,10 @@ from furcl.bench.stability_conditioning import (
     attenuation_conditioning,
     evaluate_conditioning,
     nearby,
+    pdf_conditioning,
     reference_attenuation,
     reference_evaluate,
+    reference_pdf,
     rescaled,
 )
 from furcl.bench.stability_points import LAST, Points
@@ -37,8 +39,11 @@ from furcl.probe import Probe
 
 Array = NDArray[np.float64]
 
-BARS = {"attenuation": (1e-5, 1e-7), "evaluate": (1e-4, 1e-6)}
+BARS = {"attenuation": (1e-5, 1e-7), "evaluate": (1e-4, 1e-6), "pdf": (1e-4, 1e-6)}
 """Relative and absolute error that count as none, by quantity."""
+
+ON_AXIS = 1e-12
+"""Sines of the angle to the axis below which a direction's azimuth is not compared."""
 
 CONDITION_FACTOR = 8.0
 """Errors up to this many times the effect of one unit in the last place of the inputs are the
@@ -242,11 +247,25 @@ class Comparison:
         for p, lobe in enumerate(probe.lobes):
             row = self.row("evaluate", lobe)
             row.count(value[p])
-            self.row("pdf", lobe).count(pdf[p, :, None])
+            self._densities(probe, points, pdf[p, :, None].astype(np.float64), p)
             self._errors(
                 row, probe, points, value[p].astype(np.float64), reference[p],
                 evaluate_conditioning, p,
             )  # fmt: skip
+
+    def _densities(self, probe: Probe, points: Points, pdf: Array, p: int) -> None:
+        """Densities (n, 1) of a lobe against float64, where light takes the lobe and neither
+        direction lies on the axis, where it has no azimuth (measured: nearer than 1e-16)."""
+        row = self.row("pdf", probe.lobes[p])
+        row.count(pdf)
+        if probe.material.tables is None:
+            return
+        reference = reference_pdf(probe, points.wo, points.wi, points.h, p)
+        off_axis = [np.hypot(*w[:, 1:].T) > ON_AXIS for w in (points.wo, points.wi)]
+        there = np.flatnonzero(np.isfinite(reference[:, 0]) & off_axis[0] & off_axis[1])
+        if len(there):
+            kept = Points(*(x[there] for x in dataclasses.astuple(points)))
+            self._errors(row, probe, kept, pdf[there], reference[there], pdf_conditioning, p)
 
     def _errors(
         self, row: Row, probe: Probe, points: Points, got, reference, conditioning, p: int

@@ -3,14 +3,19 @@ move by what float32 rounds away."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furcl import bcsdf
 from furcl.bench.stability_points import Points
+from furcl.bench.stability_weights import Rows
+from furcl.features import SCATTERED_LOBES
 from furcl.fibre import Fibre
+from furcl.medulla import MedullaProfiles
 from furcl.probe import Probe
 
 Array = NDArray[np.float64]
@@ -42,6 +47,37 @@ def reference_evaluate(
     return np.stack([bcsdf.evaluate(fibre, wo, wi, h, profiles, lobe=n) for n in names])
 
 
+def reference_pdf(
+    probe: Probe, wo: Array, wi: Array, h: Array, lobe: int, fibre: Fibre | None = None
+) -> Array:
+    """(n, 1) float64 density of lobe, offset and direction; nan where no light takes the lobe.
+
+    The density over lobe and offset is looked up in the tables; that over directions is the value
+    of the lobe over its attenuation, both without absorption, which it does not depend on.
+    """
+    clear, profiles = (fibre or probe.fibre).replace(sigma_ca=(0.0, 0.0, 0.0)), None
+    if probe.lobes[lobe] in SCATTERED_LOBES:
+        profiles = _without_absorption(probe.material.profiles)
+    else:
+        clear = clear.replace(sigma_ma=(0.0, 0.0, 0.0), sigma_ms=0.0)
+    name = bcsdf.RESIDUAL if probe.lobes[lobe] == "residual" else probe.lobes[lobe]
+    cos = np.hypot(wo[:, 1], wo[:, 2])
+    theta = np.arctan2(wo[:, 0], cos)
+    share = bcsdf.attenuation(clear, h, theta, profiles, residual=True)[name][..., 0]
+    value = bcsdf.evaluate(clear, wo, wi, h, profiles, lobe=name)[..., 0]
+    direction = np.divide(value, share, out=np.full_like(value, np.nan), where=share > 1e-200)
+    assert probe.material.tables is not None
+    return (Rows(probe.material.tables, cos).joint(h)[lobe] * direction)[:, None]
+
+
+def _without_absorption(profiles: MedullaProfiles | None) -> MedullaProfiles | None:
+    """The same densities of scattered directions, all of their light let out."""
+    if profiles is None:
+        return None
+    azimuth = dataclasses.replace(profiles.azimuth, absorption=None)
+    return dataclasses.replace(profiles, azimuth=azimuth, escape=None)
+
+
 def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
     """Change of the reference for one unit in the last place of h, of the cosine or of kappa."""
     h, sin_cos = points.h[at], points.sin_cos[at]
@@ -62,27 +98,33 @@ def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
     return effect
 
 
-def evaluate_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
+def evaluate_conditioning(
+    probe: Probe, points: Points, at, p: int, reference: Callable[..., Array] = reference_evaluate
+) -> Array:
     """The same for h, every component of wo and wi, and an azimuth of up to 2 pi."""
     wo, wi, h = points.wo[at], points.wi[at], points.h[at]
-    middle = reference_evaluate(probe, wo, wi, h, p)
+    middle = reference(probe, wo, wi, h, p)
     effect = np.zeros_like(middle)
     for way in (-1.0, 1.0):
         others = [
-            reference_evaluate(probe, wo, wi, moved, p)
-            for moved in (_moved(h, way), rescaled(h, way))
+            reference(probe, wo, wi, moved, p) for moved in (_moved(h, way), rescaled(h, way))
         ]
         kappa = float(rescaled(np.array(probe.fibre.kappa), way))
-        others.append(reference_evaluate(probe, wo, wi, h, p, probe.fibre.replace(kappa=kappa)))
+        others.append(reference(probe, wo, wi, h, p, probe.fibre.replace(kappa=kappa)))
         for axis in range(3):
             for which in range(2):
                 pair = [wo.copy(), wi.copy()]
                 pair[which][:, axis] = _moved(pair[which][:, axis], way)
-                others.append(reference_evaluate(probe, pair[0], pair[1], h, p))
-        others += [reference_evaluate(probe, wo, turned, h, p) for turned in nearby(wi)]
+                others.append(reference(probe, pair[0], pair[1], h, p))
+        others += [reference(probe, wo, turned, h, p) for turned in nearby(wi)]
         for other in others:
-            effect = np.maximum(effect, np.abs(other - middle))
+            effect = np.fmax(effect, np.abs(other - middle))
     return effect
+
+
+def pdf_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
+    """The same of `reference_pdf`."""
+    return evaluate_conditioning(probe, points, at, p, reference_pdf)
 
 
 def rescaled(h: Array, way: float) -> Array:

@@ -82,14 +82,18 @@ class Rows:
         energy = self._tables.energy
         return np.maximum(energy[self.node], energy[self.node + 1])
 
-    def weight(self, attenuation: Array, h: Array) -> Array:
-        """(lobes, n) weights A_p / (2 q) of A_p (lobes, n) at offsets h (n,); 0 where A_p is."""
+    def joint(self, h: Array) -> Array:
+        """(lobes, n) densities q of lobe and offset at offsets h (n,)."""
         bins = np.minimum((np.abs(h) * layout.TABLE_BINS).astype(np.intp), layout.TABLE_BINS - 1)
         joint = self._tables.joint.astype(np.float64)
-        q = (
+        return (
             joint[self.node, :, bins].T * (1.0 - self.upper)
             + joint[self.node + 1, :, bins].T * self.upper
         )
+
+    def weight(self, attenuation: Array, h: Array) -> Array:
+        """(lobes, n) weights A_p / (2 q) of A_p (lobes, n) at offsets h (n,); 0 where A_p is."""
+        q = self.joint(h)
         # The kernels choose no lobe of a smaller density (MIN_JOINT in tables.clh).
         chosen = q >= 1e-30
         return np.divide(attenuation, 2.0 * q, out=np.zeros_like(q), where=chosen)
