@@ -56,6 +56,7 @@ class Renderer:
     wave_size : int or None         paths traced together; None: what furcl.wave_size finds
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
+    curves : Curves or None         the scene's groom, where it is there already
 
     Attributes
     ----------
@@ -76,6 +77,7 @@ class Renderer:
         device: str | Device | None = None,
         wave_size: int | None = None,
         specialised: bool = True,
+        curves: Curves | None = None,
     ) -> None:
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
@@ -84,7 +86,7 @@ class Renderer:
         self.lobe_counts = np.zeros(6, np.int64)
         self._forget_counts()
         with self._timed("curves"):
-            curves = scene.build_curves()
+            curves = curves or scene.build_curves()
         environment = Environment.from_scene(scene.environment)
         self.environment_pixels_clamped = environment.n_negative
         fibre = scene.build_fibre()
@@ -315,6 +317,7 @@ def render(
     progress: Progress | None = None,
     time_limit: float | None = None,
     wave_size: int | None = None,
+    curves: Curves | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -328,6 +331,7 @@ def render(
     time_limit : float or None          stop between waves after this time [s]
     wave_size : int or None             paths traced together; changes no bit of the result; None:
                                         what is fastest on the device
+    curves : Curves or None             the scene's groom, where it is there already
 
     Returns
     -------
@@ -343,7 +347,7 @@ def render(
 
         scene = load_scene(scene)
     scene = with_overrides(scene, spp=spp, seed=seed, sampling=sampling, max_depth=max_depth)
-    renderer = Renderer(scene, device, wave_size)
+    renderer = Renderer(scene, device, wave_size, curves=curves)
     log.info(
         "%s",
         summary(renderer.features, renderer.memory.total_bytes, renderer.seconds["compile"]),

@@ -50,7 +50,8 @@ def test_nothing_is_nan_infinite_or_negative(swept):
 
 def test_errors_are_within_the_bars_or_the_conditioning(swept):
     """Attenuation within 1e-5 or 1e-7, evaluate within 1e-4 or 1e-6, or what one unit in the last
-    place of the inputs does to the float64 reference, eight times; and mostly the bars alone. Densities as evaluate."""
+    place of the inputs does to the float64 reference, eight times; and mostly the bars
+    alone. Densities as evaluate."""
     for (quantity, _), row in swept.items():
         assert row.excess <= 1.0, row
         if quantity in ("attenuation", "evaluate"):

@@ -18,10 +18,24 @@ from furcl.scene_io import load_scene
 def test_extreme_scenes(device, path):
     """Finite, and four pixels as the float64 host renders them: p > 1e-3 / 14, corrected."""
     row = stability_renders.render_row(path, device, spp=16, paths=200)
+    _check_power(row)
     assert row["nonfinite"] == 0
     assert math.isfinite(row["largest"])
     assert row["energy"] > 0
     assert row["p"] > 7e-5
+
+
+def _check_power(row):
+    """A picture too bright by twice the bias that the row names does not pass."""
+    pixels = [
+        np.array([pixel[name] for pixel in row["pixels"]])
+        for name in ("device", "host", "standard_error")
+    ]
+    got, mean, spread = stability_renders.with_average(*pixels)
+    assert stability_renders.p_value(got, mean, spread) == row["p"]
+    assert row["detects"] < 2.0
+    brighter = mean * (1.0 + 2.0 * row["detects"])
+    assert stability_renders.p_value(brighter, mean, spread) < 7e-5
 
 
 def test_there_are_fourteen_extreme_scenes():

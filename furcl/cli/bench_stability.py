@@ -72,9 +72,17 @@ def print_stability(results: dict) -> None:
     )
     if results["renders"]:
         print_table(
-            ["scene", "largest", "nonfinite", "energy", "p", "agrees"],
+            ["scene", "largest", "nonfinite", "energy", "p", "bias seen", "agrees"],
             [
-                [r["scene"], r["largest"], r["nonfinite"], r["energy"], r["p"], r["agrees"]]
+                [
+                    r["scene"],
+                    r["largest"],
+                    r["nonfinite"],
+                    r["energy"],
+                    r["p"],
+                    r["detects"],
+                    r["agrees"],
+                ]
                 for r in results["renders"]
             ],
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -82,7 +83,6 @@ def render(
     ] = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
-    import furcl
     from furcl.scene_io import load_scene
 
     _check_outputs(output, stats)
@@ -102,8 +102,14 @@ def render(
                 report(done, total)
                 return interrupt.requested
 
-            image = furcl.render(
+            # The groom is made while OpenCL and what works with it is loaded.
+            with ThreadPoolExecutor(1) as beside:
+                curves = beside.submit(loaded.build_curves)
+                from furcl.integrator import render as render_scene
+
+            image = render_scene(
                 loaded,
+                curves=curves.result(),
                 device=device,
                 progress=progress,
                 time_limit=time_limit,

@@ -144,12 +144,12 @@ def _tables(results: Mapping[str, Any]) -> str:
     if results["renders"]:
         lines += [
             "",
-            "| scene | largest pixel | nonfinite | energy | p against the host |",
-            "|---|--:|--:|--:|--:|",
+            "| scene | largest pixel | nonfinite | energy | p against the host | bias seen |",
+            "|---|--:|--:|--:|--:|--:|",
         ]
         lines += [
             f"| {r['scene']} | {number(r['largest'])} | {r['nonfinite']} | "
-            f"{number(r['energy'])} | {number(r['p'])} |"
+            f"{number(r['energy'])} | {number(r['p'])} | {number(r['detects'])} |"
             for r in results["renders"]
         ]
     return "\n".join([*lines, "", ""])
