@@ -29,13 +29,16 @@ def set_up_logging(*, verbose: bool, quiet: bool) -> None:
 
 
 def print_table(columns: list[str], rows: list[list[Any]]) -> None:
-    """Print rows under headings; floats with four digits."""
+    """Print rows under headings; floats with four digits. Nothing is cut off in a file or pipe."""
     from rich.table import Table
 
     table = Table(*columns)
     for row in rows:
         table.add_row(*[f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in row])
-    Console().print(table)
+    console = Console()
+    if not console.is_terminal:
+        console.width = 1000  # a table takes what it needs
+    console.print(table)
 
 
 class Report(Protocol):
