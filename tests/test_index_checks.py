@@ -110,7 +110,7 @@ MUTANTS = {
         "shade", "include/profiles.clh", "PROFILE_INDEX(profile_phi_bin(",
     ),
     "row of the profiles": (
-        "include/profiles.clh", "upper_tau) * FURCL", "upper_tau + 4u) * FURCL",
+        "include/profiles.clh", "= tau.node * FURCL", "= (tau.node + 4u) * FURCL",
         "attenuation_bins", "include/profiles.clh", "r->row[i], PROFILE_ROWS) * FURCL_PROFILE_CH",
     ),
     "texel of the light": (
