@@ -149,7 +149,7 @@ ABSENT = [
     ({"point_radii": False}, ("typedef float4 StoredVertex",)),
     ({"body": False}, ("scatter_at_body", "body_query", "PS_HIT_T")),
     ({"lens": False}, ("sin_turn",)),
-    ({"statistics": False}, ("atomic_inc(lobe_counts",)),
+    ({"statistics": False}, ("atomic_add(lobe_counts",)),
     ({"environment": "constant"}, ("sky_radiance",)),
     ({"variance": False}, ("mean_before",)),
     ({"roulette": False}, ("throughput /= largest",)),
