@@ -2,7 +2,7 @@
 
 python bench/render_tables.py docs/performance.md
 
-They are made from bench/results/stages, waves and peers, where every folder is one device.
+They are made from bench/results/stages, waves, peers, start and features; every folder is a run.
 """
 
 from __future__ import annotations
@@ -127,7 +127,58 @@ def peers() -> str:
     return table(columns, rows)
 
 
+def start() -> str:
+    """Seconds from the command to the first samples."""
+    rows = []
+    for found in runs("start"):
+        cold = ", ".join(
+            f"{name} {seconds:.2f}" for name, seconds in found["cold"]["parts"].items()
+        )
+        warm = [run["first_samples"] for run in found["warm"]]
+        rows.append(
+            [
+                driver(found),
+                f"{found['scene']}, {found['size']}",
+                f"{found['cold']['first_samples']:.1f} ({cold})",
+                f"{found['warm_median']:.2f} ({min(warm):.2f} to {max(warm):.2f})",
+                f"{found['import_seconds']:.3f}",
+                f"{found['compile_everything_seconds']:.1f}",
+            ]
+        )
+    columns = ["device", "scene", "caches empty, s (parts)", "caches full, s", "import furcl, s"]
+    return table([*columns, "largest variant, s to compile"], rows)
+
+
+def features() -> str:
+    """What the specialised build buys over the one with everything on."""
+    rows = []
+    for found in runs("features"):
+        for row in found["scenes"]:
+            lean, full = (row["builds"][name] for name in ("specialised", "everything-on"))
+            same = "equal bits" if row["pictures"]["equal"] else f"z = {row['pictures']['z']:.2f}"
+            rows.append(
+                [
+                    driver(found),
+                    row["scene"] + (" *" if "--set" in found["command"] else ""),
+                    f"{row['time_ratio']:.2f}",
+                    (
+                        f"{lean['state_and_table_bytes'] / 2**20:.1f} of "
+                        f"{full['state_and_table_bytes'] / 2**20:.1f}"
+                    ),
+                    f"{lean['source_bytes'] / 1000:.0f} of {full['source_bytes'] / 1000:.0f}",
+                    same,
+                    ", ".join(row["left_out"]),
+                ]
+            )
+    columns = ["device", "scene", "times faster", "MiB of state and tables", "kB of source"]
+    return table([*columns, "pictures", "left out"], rows)
+
+
 TABLES = {
+    "start-circumstances": lambda: circumstances("start"),
+    "start": start,
+    "features-circumstances": lambda: circumstances("features"),
+    "features": features,
     "stages-circumstances": lambda: circumstances("stages"),
     "end-to-end": end_to_end,
     "stages": stages,
