@@ -107,7 +107,7 @@ def run(
 
 COMPARED = ("evaluate", "pdf", "bin ratio")
 """Quantities compared with float64 point by point, without a bar: of 10^7 points at the ends of all
-ranges some move by more than CONDITION_FACTOR units in the last place explain (docs/numerics.md)."""
+ranges some differ by more than the allowance for conditioning (docs/numerics.md)."""
 
 
 def passed(results: dict[str, Any]) -> bool:
