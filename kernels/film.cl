@@ -43,14 +43,17 @@ __kernel void add_to_film(
         const float channel[3] = {radiance.x, radiance.y, radiance.z};
 #endif
         const float n = (float)n_samples[pixel];
+#if FURCL_VARIANCE
+        const float inv_n = 1.0f / n, spread = n / (n + 1.0f);
+#endif
         for (uint c = 0; c < FURCL_CHANNELS; c++) {
             const size_t plane = c * (FURCL_VARIANCE ? 4u : 2u);
 #if FURCL_VARIANCE
             /* Welford: deviation from the mean before times deviation from the mean after. */
             const float sum = *FILM_PLACE(plane);
-            const float mean_before = n > 0.0f ? sum / n : channel[c];
+            const float mean_before = n > 0.0f ? sum * inv_n : channel[c];
             const float deviation = channel[c] - mean_before;
-            add_compensated(FILM_PLACE(plane + 2u), n_pixels, deviation * deviation * (n / (n + 1.0f)));
+            add_compensated(FILM_PLACE(plane + 2u), n_pixels, deviation * deviation * spread);
 #endif
             add_compensated(FILM_PLACE(plane), n_pixels, channel[c]);
         }

@@ -93,11 +93,12 @@ def run(
     SceneError, GroomError, DeviceError, BvhError, KernelBuildError, ResourceError
     """
     opened = device if isinstance(device, Device) else open_device(device)
-    Tracer(opened, GENERATORS["fibre"]())  # compiles the kernels, or loads what was compiled
+    for point_radii in (False, True):  # compiles the kernels, or loads what was compiled
+        Tracer(opened, GENERATORS["fibre"](), point_radii)
     host_start = _host_peak()
     curves, camera = groom_and_camera(groom)
     start_cpu = time.process_time()
-    tracer = Tracer(opened, curves)
+    tracer = Tracer(opened, curves, not curves.one_radius)
     build_cpu = time.process_time() - start_cpu
     bvh, host_peak = tracer.bvh, _host_peak()
     start = time.perf_counter()
