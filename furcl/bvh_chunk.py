@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from furcl import embree, program
 from furcl.buffers import Memory
 from furcl.features import Features
+from furcl.launch import grid
 
-LOCAL_SIZE = 64
 NOWHERE = 0xFFFFFFFF
 # Bytes of a node, or of a segment, in the buffers of kernels/bvh_build.cl.
 BUFFERS = {
@@ -146,5 +146,4 @@ class ChunkBuilder:
         cl.enqueue_copy(self._scratch.device.queue, self._buffers[name], array, is_blocking=True)
 
     def _run(self, kernel: cl.Kernel, n: int, *arguments) -> None:
-        size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
-        kernel(self._scratch.device.queue, size, (LOCAL_SIZE,), *arguments)
+        kernel(self._scratch.device.queue, *grid(n), *arguments)

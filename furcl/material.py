@@ -12,6 +12,7 @@ from furcl import index_checks, layout, program
 from furcl.buffers import Memory
 from furcl.features import ALL_LOBES, SCATTERED_LOBES, Features
 from furcl.fibre import Fibre
+from furcl.launch import grid
 from furcl.medulla import MedullaProfiles, build_profiles
 from furcl.tables import (
     GRAZING_ROWS,
@@ -21,8 +22,6 @@ from furcl.tables import (
     peaks_around,
     tables_from_bins,
 )
-
-LOCAL_SIZE = 64
 
 # A lobe that carries a smaller share of the energy than this at every theta may be left out: the
 # largest bias of a pixel, relative to it, for each such lobe and bounce.
@@ -187,8 +186,7 @@ def _attenuation_bins(
     checks.watch(profile_buffer)
     kernel(
         device.queue,
-        (-(-n_items // LOCAL_SIZE) * LOCAL_SIZE,),
-        (LOCAL_SIZE,),
+        *grid(n_items),
         out,
         memory.upload("rows", rows),
         np.uint32(len(rows)),

@@ -10,7 +10,8 @@ from furcl.buffers import Memory
 from furcl.device import Device, open_device
 from furcl.features import LOBES, Features
 from furcl.fibre import Fibre
-from furcl.material import LOCAL_SIZE, build_material, fibre_features
+from furcl.launch import grid
+from furcl.material import build_material, fibre_features
 from furcl.medulla import MedullaProfiles
 
 
@@ -231,8 +232,7 @@ class Probe:
         return memory.read(out[0], n), memory.read(out[1], n)
 
     def _run(self, name: str, n: int, *arguments) -> None:
-        size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
-        cl.Kernel(self._program, name)(self.device.queue, size, (LOCAL_SIZE,), *arguments)
+        cl.Kernel(self._program, name)(self.device.queue, *grid(n), *arguments)
 
 
 def _float4(vectors: np.ndarray) -> np.ndarray:

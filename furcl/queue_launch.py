@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from furcl import launch
 from furcl.device import Device
 
 # Paths that a work-item takes, and work-items in a group.
@@ -18,5 +19,4 @@ def defines(device: Device) -> dict[str, int]:
 def launch_size(device: Device, n_paths: int) -> tuple[tuple[int], tuple[int]]:
     """Global and local size of a launch over a queue of at most `n_paths` paths."""
     per_item, local = _CPU if device.is_cpu else _GPU
-    groups = -(-n_paths // (per_item * local))
-    return (max(groups, 1) * local,), (local,)
+    return launch.grid(n_paths, per_item, local)

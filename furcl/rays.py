@@ -6,7 +6,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from furcl import index_checks, program
+from furcl import index_checks, launch, program
 from furcl.buffers import Memory
 from furcl.bvh import build_bvh
 from furcl.curves import Curves
@@ -29,8 +29,7 @@ def defines(device: Device) -> dict[str, int]:
 def launch_size(device: Device, n_rays: int) -> tuple[tuple[int], tuple[int]]:
     """Global and local size of a launch of kernels/intersect.cl over `n_rays` rays."""
     per_item, _, local = _CPU if device.is_cpu else _GPU
-    groups = -(-n_rays // (per_item * local))
-    return (max(groups, 1) * local,), (local,)
+    return launch.grid(n_rays, per_item, local)
 
 
 def no_geometry(memory: Memory) -> list[cl.Buffer | np.uint32]:

@@ -13,10 +13,8 @@ from furcl.device import Device
 from furcl.features import Features
 from furcl.film import Film
 from furcl.index_checks import RECORD_BYTES, IndexChecks
+from furcl.launch import LOCAL_SIZE, grid
 from furcl.material import Material
-
-# One work-group size for every launch: CPU runtimes compile a kernel anew for each size.
-LOCAL_SIZE = 64
 
 STAGES = {
     "generate": "generate.cl",
@@ -278,11 +276,12 @@ class Wavefront:
         return counts.astype(np.int64)
 
     def _launch(self, stage: str, n: int, *arguments) -> None:
-        size, local = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,), (LOCAL_SIZE,)
         if stage in RAY_STAGES:
             size, local = rays.launch_size(self.memory.device, n)
         elif stage in QUEUE_STAGES:
             size, local = queue_launch.launch_size(self.memory.device, n)
+        else:
+            size, local = grid(n, local=LOCAL_SIZE)
         event = self._stages[stage].launch(self.queue, size, local, *arguments)
         if self.keep_events:
             self.events[stage].append(event)

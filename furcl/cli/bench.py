@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,17 +11,10 @@ from furcl.cli.bench_stability import replay, stability
 from furcl.cli.bench_stages import stages, waves
 from furcl.cli.bench_start import start
 from furcl.cli.console import print_table
+from furcl.cli.options import DeviceName, Out, Overrides
 from furcl.cli.render import scene_path
 
 app = typer.Typer(no_args_is_help=True, help="Measure; results go to a folder.")
-
-Out = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
-DeviceName = Annotated[
-    str | None, typer.Option("--device", help="Number in `furcl devices`, P:D, or part of a name.")
-]
-Overrides = Annotated[
-    list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
-]
 
 
 @app.command()

@@ -10,15 +10,13 @@ from typing import Annotated
 
 import typer
 
-log = logging.getLogger(__name__)
+from furcl.cli.options import DeviceName, Out
 
-DeviceName = Annotated[
-    str | None, typer.Option("--device", help="Number in `furcl devices`, P:D, or part of a name.")
-]
+log = logging.getLogger(__name__)
 
 
 def stability(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
+    output: Out,
     quick: Annotated[
         bool, typer.Option("--quick", help="10^5 random points, few widths and scenes.")
     ] = False,

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from furcl.cli.console import print_table
+from furcl.cli.options import DeviceName, Out, Overrides
 from furcl.cli.render import scene_path
 
 Scenes = Annotated[list[str], typer.Argument(help="TOML scenes, or names of furcl's own.")]
-Out = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
-DeviceName = Annotated[
-    str | None, typer.Option("--device", help="Number in `furcl devices`, P:D, or part of a name.")
-]
-Overrides = Annotated[
-    list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
-]
 
 
 def stages(

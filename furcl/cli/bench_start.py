@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from furcl.cli.options import DeviceName, Out, Overrides
 from furcl.cli.render import scene_path
 
 
 def start(
     scene: Annotated[str, typer.Argument(help="A TOML scene, or one that comes with furcl.")],
-    out: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")],
-    device: Annotated[
-        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
-    ] = None,
+    out: Out,
+    device: DeviceName = None,
     size: Annotated[str, typer.Option(help="Film size, WIDTHxHEIGHT.")] = "512x512",
     runs: Annotated[int, typer.Option(help="Runs with full caches.")] = 5,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
-    ] = None,
+    overrides: Overrides = None,
 ) -> None:
     """Time `furcl render` to its first samples, with empty and with full caches."""
     from furcl.bench import start as bench
