@@ -232,7 +232,8 @@ def test_weights_stay_within_the_ratios_of_a_bin(device, name, theta_deg):
     wo = np.array([math.sin(theta), math.cos(theta), 0.0])
     _, _, _, weight, _ = probe.sample(wo, n=20_000, seed=2)
     scalar = weight.mean(axis=1)
-    assert np.mean((scalar / scalar.mean()) ** 2) < 1.6
+    # Measured: at most 1.08 for the presets, 1.15 at index 1, 1.41 for the thin cuticle.
+    assert np.mean((scalar / scalar.mean()) ** 2) < (1.6 if name in thin else 1.3)
     assert scalar.max() < 3.0 * scalar.mean()
 
 
