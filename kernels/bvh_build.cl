@@ -78,6 +78,25 @@ __kernel void summarise(
     summaries[node].upper = (float4)(upper, as_float(stack));
 }
 
+/* Subtrees in the order of their surfaces. Queries for any hit begin with the last lane, and of boxes that
+   a ray meets a small one is more often full of segments. */
+static inline Lanes smallest_last(Lanes lanes, __global const Summary* summaries)
+{
+    float surface[WIDTH];
+    for (uint i = lanes.n_leaves; i < lanes.n; i++) {
+        const int child = lanes.child[i];
+        const float area = half_area(summaries[child].upper.xyz - summaries[child].lower.xyz);
+        uint place = i;
+        for (; place > lanes.n_leaves && surface[place - 1] < area; place--) {
+            surface[place] = surface[place - 1];
+            lanes.child[place] = lanes.child[place - 1];
+        }
+        surface[place] = area;
+        lanes.child[place] = child;
+    }
+    return lanes;
+}
+
 /* Gives every block its place: depth first, siblings side by side.
 
    reads    nodes, choices, leaves, summaries; places of nodes above: of a node that has a block, that
@@ -97,7 +116,7 @@ __kernel void place_blocks(
     const uint2 place = places[node];
     if (place.x == NOWHERE) return;
     __global uint* block = blocks + (size_t)FURCL_BVH_BLOCK_WORDS * (first_block + place.x);
-    const Lanes lanes = lanes_of(nodes, choices, node);
+    const Lanes lanes = smallest_last(lanes_of(nodes, choices, node), summaries);
     const uint n_subtrees = lanes.n - lanes.n_leaves;
     for (uint lane = 0; lane < lanes.n; lane++) {
         block[8 + lane] = (uint)lanes.child[lane];
