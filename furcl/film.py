@@ -13,12 +13,12 @@ from furcl.features import Features
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """Device planes of a picture; their meaning is in kernels/film.cl.
+    """Sums of a picture on the device; their meaning is in kernels/film.cl.
 
     Attributes
     ----------
     width, height : int     [pixels]
-    planes : Buffer         float32 planes of width * height
+    sums : Buffer           float32, (height, width, 4 or, without variance, 2, channels)
     n_samples : Buffer      uint32 samples added to each pixel
     nonfinite : Buffer      one uint32: samples that were NaN or infinite
     """
@@ -26,7 +26,7 @@ class Film:
     width: int
     height: int
     features: Features
-    planes: cl.Buffer
+    sums: cl.Buffer
     n_samples: cl.Buffer
     nonfinite: cl.Buffer
 
@@ -39,19 +39,19 @@ class Film:
         ResourceError   if the device allows no buffer of that size
         """
         n_pixels = width * height
-        n_planes = features.channels * (4 if features.variance else 2)
+        n_sums = features.channels * (4 if features.variance else 2)
         return Film(
             width,
             height,
             features,
-            memory.allocate("film", 4 * n_planes * n_pixels, zero=True),
+            memory.allocate("film", 4 * n_sums * n_pixels, zero=True),
             memory.allocate("film samples", 4 * n_pixels, zero=True),
             memory.allocate("nonfinite", 16, zero=True),
         )
 
     def clear(self, queue: cl.CommandQueue) -> None:
         """Take all samples back out."""
-        for buffer in (self.planes, self.n_samples, self.nonfinite):
+        for buffer in (self.sums, self.n_samples, self.nonfinite):
             fill(queue, buffer, 0, buffer.size)
 
     def read(self, memory: Memory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -63,16 +63,16 @@ class Film:
             variance / samples; NaN where a pixel has fewer than two samples or none is kept
         samples : (height, width) uint32
         """
-        channels, per_channel = self.features.channels, 4 if self.features.variance else 2
-        shape = (channels, per_channel, self.height, self.width)
-        planes = memory.read(self.planes, shape).astype(np.float64)
+        per_pixel = 4 if self.features.variance else 2
+        shape = (self.height, self.width, per_pixel, self.features.channels)
+        sums = np.moveaxis(memory.read(self.sums, shape).astype(np.float64), 2, 0)
         samples = memory.read(self.n_samples, (self.height, self.width), np.uint32)
-        n = samples.astype(np.float64)
+        n = samples[..., None].astype(np.float64)
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = (planes[:, 0] - planes[:, 1]) / n
+            mean = (sums[0] - sums[1]) / n
             variance = np.full_like(mean, np.nan)
             if self.features.variance:
-                squares = planes[:, 2] - planes[:, 3]
+                squares = sums[2] - sums[3]
                 variance = np.where(n > 1, squares / (n * (n - 1)), np.nan)
         return _rgb(mean), _rgb(variance), samples
 
@@ -81,7 +81,7 @@ class Film:
         return int(memory.read(self.nonfinite, 1, np.uint32)[0])
 
 
-def _rgb(planes: np.ndarray) -> np.ndarray:
-    """(channels, H, W) to (H, W, 3) float32; one channel is grey."""
-    spread = np.broadcast_to(planes, (3, *planes.shape[1:]))
-    return np.ascontiguousarray(np.moveaxis(spread, 0, -1)).astype(np.float32)
+def _rgb(values: np.ndarray) -> np.ndarray:
+    """(H, W, channels) to (H, W, 3) float32; one channel is grey."""
+    spread = np.broadcast_to(values, (*values.shape[:2], 3))
+    return np.ascontiguousarray(spread, np.float32)

@@ -121,7 +121,7 @@ class Wavefront:
         self.n_vertices = n_vertices
         record = RECORD_BYTES if features.debug else 0
         self.state = memory.allocate("path state", 4 * n_planes * n_slots + record)
-        self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.planes.size // 4)
+        self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.sums.size // 4)
         for buffer in (material.table_buffer, material.profile_buffer, environment):
             self.checks.watch(buffer)
         self.active, self.next, self.hits, self.misses, self.shadows = (
@@ -263,7 +263,7 @@ class Wavefront:
             "add_to_film",
             n,
             self.state,
-            self.film.planes,
+            self.film.sums,
             self.film.n_samples,
             self.film.nonfinite,
             wave,

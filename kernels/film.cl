@@ -1,7 +1,7 @@
 /* Stage 5 of 5. Adds finished paths to the film: running mean and second moment of every pixel.
 
-   `film` holds planes of n_pixels floats: for each channel the compensated sum of radiance (sum,
-   correction) and, with FURCL_VARIANCE, the compensated sum of squared deviations (sum, correction).
+   `film` holds four spectra a pixel, next to each other: the compensated sum of radiance (sum,
+   correction) and that of squared deviations (sum, correction); without FURCL_VARIANCE the first two.
 
    reads    state: RADIANCE
    writes   film, n_samples, nonfinite
@@ -11,16 +11,17 @@
 #include "camera.clh"
 #include "spectrum.clh"
 
-/* A pixel of a plane that another of the same size follows; checked in debug builds. */
-#define FILM_PLACE(plane) \
-    (film + FURCL_INDEX((plane) * n_pixels + pixel, FURCL_N_FILM - n_pixels))
+#define FILM_SPECTRA (FURCL_VARIANCE ? 4u : 2u)
 
-/* sum += x with the rounding error carried along (Kahan 1965). */
-static inline void add_compensated(__global float* sum, uint n_pixels, float x)
+/* Where pixel's n-th spectrum is; checked in debug builds. */
+#define FILM_PLACE(n) \
+    (film + FURCL_INDEX((pixel * FILM_SPECTRA + (n)) * FURCL_CHANNELS, FURCL_N_FILM - (FURCL_CHANNELS - 1u)))
+
+/* *sum += x with the rounding error carried along (Kahan 1965). */
+static inline void add_compensated(Spectrum* sum, Spectrum* correction, Spectrum x)
 {
-    __global float* correction = sum + n_pixels;
-    const float y = x - *correction;
-    const float total = *sum + y;
+    const Spectrum y = x - *correction;
+    const Spectrum total = *sum + y;
     *correction = (total - *sum) - y;
     *sum = total;
 }
@@ -34,29 +35,28 @@ __kernel void add_to_film(
     if (first >= min(wave.n_paths, n_pixels)) return;
     const uint n_slots = wave.n_slots;
     const uint pixel = FURCL_INDEX(pixel_of_slot(&wave, first).index, n_pixels);
-    for (uint slot = first; slot < wave.n_paths; slot += n_pixels) {
+    Spectrum sum = spectrum_load(FILM_PLACE(0u)), sum_correction = spectrum_load(FILM_PLACE(1u));
+#if FURCL_VARIANCE
+    Spectrum squares = spectrum_load(FILM_PLACE(2u)), squares_correction = spectrum_load(FILM_PLACE(3u));
+#endif
+    uint samples = n_samples[pixel];
+    for (uint slot = first; slot < wave.n_paths; slot += n_pixels, samples++) {
         const Spectrum radiance = PS_LOAD_SPECTRUM(RADIANCE, slot);
         if (!spectrum_is_finite(radiance)) atomic_inc(nonfinite);
-#if FURCL_CHANNELS == 1
-        const float channel[1] = {radiance};
-#else
-        const float channel[3] = {radiance.x, radiance.y, radiance.z};
-#endif
-        const float n = (float)n_samples[pixel];
 #if FURCL_VARIANCE
-        const float inv_n = 1.0f / n, spread = n / (n + 1.0f);
+        /* Welford: deviation from the mean before times deviation from the mean after. */
+        const float n = (float)samples;
+        const Spectrum mean_before = samples > 0u ? sum * (1.0f / n) : radiance;
+        const Spectrum deviation = radiance - mean_before;
+        add_compensated(&squares, &squares_correction, deviation * deviation * (n / (n + 1.0f)));
 #endif
-        for (uint c = 0; c < FURCL_CHANNELS; c++) {
-            const size_t plane = c * (FURCL_VARIANCE ? 4u : 2u);
-#if FURCL_VARIANCE
-            /* Welford: deviation from the mean before times deviation from the mean after. */
-            const float sum = *FILM_PLACE(plane);
-            const float mean_before = n > 0.0f ? sum * inv_n : channel[c];
-            const float deviation = channel[c] - mean_before;
-            add_compensated(FILM_PLACE(plane + 2u), n_pixels, deviation * deviation * spread);
-#endif
-            add_compensated(FILM_PLACE(plane), n_pixels, channel[c]);
-        }
-        n_samples[pixel] += 1u;
+        add_compensated(&sum, &sum_correction, radiance);
     }
+    spectrum_store(FILM_PLACE(0u), sum);
+    spectrum_store(FILM_PLACE(1u), sum_correction);
+#if FURCL_VARIANCE
+    spectrum_store(FILM_PLACE(2u), squares);
+    spectrum_store(FILM_PLACE(3u), squares_correction);
+#endif
+    n_samples[pixel] = samples;
 }

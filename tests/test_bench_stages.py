@@ -80,13 +80,13 @@ def test_wave_sizes_are_compared_with_the_first(device, scene, tmp_path):
 
 
 def test_bytes_of_simple_stages():
-    """Counted by hand: planes that the kernel names, queue entries, film planes."""
+    """Counted by hand: planes that the kernel names, queue entries, sums of the film."""
     features = Features(channels=3, light_sampling=False, variance=True)
     # Origin, direction, own segment and distance, throughput, radiance; the queue.
     assert bytes_per_item("generate", features) == 4 * (3 + 3 + 2 + 3 + 3 + 1)
     # Direction, throughput, radiance; the miss queue.
     assert bytes_per_item("shade_escaped", features) == 4 * (3 + 3 + 3 + 1)
-    # Radiance; four planes a channel and the number of samples.
+    # Radiance; four sums a channel and the number of samples.
     assert bytes_per_item("add_to_film", features) == 4 * (3 + 12 + 1)
     grey = features.with_(channels=1, variance=False)
     assert bytes_per_item("add_to_film", grey) == 4 * (1 + 2 + 1)

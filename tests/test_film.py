@@ -27,7 +27,7 @@ def _add(device, memory, film, values, first_sample):
     size = (-(-n_pixels // LOCAL_SIZE) * LOCAL_SIZE,)
     local = Memory(device)
     kernel(
-        device.queue, size, (LOCAL_SIZE,), local.upload("state", state), film.planes,
+        device.queue, size, (LOCAL_SIZE,), local.upload("state", state), film.sums,
         film.n_samples, film.nonfinite, wave,
     )  # fmt: skip
     device.queue.finish()

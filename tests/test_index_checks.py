@@ -117,9 +117,9 @@ MUTANTS = {
         "include/environment.clh", "clamp((int)y0, 0, height - 1)", "(int)y0 + height",
         "shade_escaped", "include/environment.clh", "ENV_INDEX(top,",
     ),
-    "plane of the film": (
-        "film.cl", "plane = c *", "plane = 9u + c *",
-        "add_to_film", "film.cl", "FILM_PLACE(plane + 2u)",
+    "sum of the film": (
+        "film.cl", "(pixel * FILM_SPECTRA", "(9999u + pixel * FILM_SPECTRA",
+        "add_to_film", "film.cl", "sum = spectrum_load(FILM_PLACE(0u))",
     ),
 }  # fmt: skip
 
