@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# The runs behind docs/performance.md: rays beside Embree, about 5 minutes on two quiet cores:
+# The runs behind docs/performance.md: rays beside Embree, about 15 minutes on two quiet cores:
 #     bash bench/intersect.sh [DEVICE [GROOM_FILE...]]
 # Prints the table of all results. Environment: ROUNDS, GROOMS (in place of the generated ones).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
 device=${1:-portable}
-grooms=${GROOMS:-hair:150000 hair:700000 fur:700000 hair:10000 hair:100000 hair:1000000 hair:10000000}
+grooms=${GROOMS:-hair:150000 hair:700000 fur:700000 hair:10000 hair:100000 hair:1000000 hair:10000000 fur:1000000 fur:10000000 head:1000000 head:10000000}
 
 for groom in $grooms "${@:2}"; do
     name=$(basename "${groom%.*}")

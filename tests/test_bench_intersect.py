@@ -44,9 +44,29 @@ def test_generated_grooms_have_the_size_asked_for(name):
     assert camera.origin is not None
 
 
-def test_a_wrong_size_is_refused():
-    with pytest.raises(GroomError, match="'many' is not a number of segments"):
-        intersect.groom_and_camera("hair:many")
+def test_heads_get_finer_and_other_grooms_thinner(monkeypatch):
+    monkeypatch.setattr(intersect, "HEAD_STRANDS", 1000)
+    coarse, fine = (intersect.groom_and_camera(name)[0] for name in ("head:6000", "head:60999"))
+    assert (coarse.n_strands, coarse.n_segments) == (1000, 6000)
+    assert (fine.n_strands, fine.n_segments) == (1000, 60000)
+    assert np.median(fine.radii[fine.offsets[:-1]]) == pytest.approx(
+        np.median(coarse.radii[coarse.offsets[:-1]]), rel=0.05
+    )
+    few, many = (intersect.groom_and_camera(name)[0] for name in ("hair:15000", "hair:150000"))
+    thinner = np.median(few.radii[few.offsets[:-1]]) / np.median(many.radii[many.offsets[:-1]])
+    assert thinner == pytest.approx(np.sqrt(10.0), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("hair:many", "'many' is not a number of segments"),
+        ("head:599999", "100000 strands that wave have at least 600000 segments"),
+    ],
+)
+def test_a_wrong_size_is_refused(name, message):
+    with pytest.raises(GroomError, match=message):
+        intersect.groom_and_camera(name)
 
 
 def test_rays_are_tiled_and_shuffled():

@@ -27,14 +27,21 @@ from furcl.scene_io import load_scene
 # Distances that differ by no more than this part are one hit (joints are hit twice at one place).
 TOLERANCE = 1e-4
 
-# Strands of these have so many points, and radii such that any number of them covers the same.
+# Points of a strand, and what its radius is over the root of the number of strands: so any number
+# of them covers the same, and more strands are thinner ones.
 GENERATED = {"hair": (16, 0.18), "fur": (8, 0.47)}
+
+# Strands of `head`, about as many as people have: more segments are shorter ones.
+HEAD_STRANDS = 100_000
+HEAD_LEAST_SEGMENTS = 6  # of a strand, for its wave
 
 
 def groom_and_camera(name: str) -> tuple[Curves, Camera]:
     """The groom that a name stands for, and a camera that sees it.
 
-    name is a scene (.toml), a groom file, or `hair:N` or `fur:N`: about N generated segments.
+    name is a scene (.toml), a groom file, or `hair:N`, `fur:N` or `head:N`: about N generated
+    segments. Strands of hair and fur have the same number of points for every N and get thinner;
+    heads have the same strands for every N, which get more points.
 
     Raises
     ------
@@ -44,20 +51,31 @@ def groom_and_camera(name: str) -> tuple[Curves, Camera]:
         scene = load_scene(name)
         curves = scene.build_curves()
         return curves, scene.resolved_camera(curves)
-    generator, colon, count = name.partition(":")
-    if colon and generator in GENERATED:
-        if not count.isdecimal():
-            raise GroomError(
-                f"{name}: {count!r} is not a number of segments; try {generator}:1000000"
-            )
-        n_points, radius = GENERATED[generator]
-        n_strands = max(1, int(count) // (n_points - 1))
-        curves = GENERATORS[generator](
-            n_strands=n_strands, n_points=n_points, radius=radius / np.sqrt(n_strands)
-        )
-    else:
-        curves = load_curves(name)
+    kind, colon, count = name.partition(":")
+    generated = colon and kind in (*GENERATED, "head")
+    curves = _generate(kind, count) if generated else load_curves(name)
     return curves, Camera().resolved(curves.points, 1.0, float(curves.radii.max()))
+
+
+def _generate(kind: str, count: str) -> Curves:
+    """The groom `kind:count`."""
+    if not count.isdecimal():
+        raise GroomError(
+            f"{kind}:{count}: {count!r} is not a number of segments; try {kind}:1000000"
+        )
+    generator = "hair" if kind == "head" else kind
+    n_points, radius = GENERATED[generator]
+    n_strands = max(1, int(count) // (n_points - 1))
+    if kind == "head":
+        n_strands, n_points = HEAD_STRANDS, int(count) // HEAD_STRANDS + 1
+        if n_points <= HEAD_LEAST_SEGMENTS:
+            raise GroomError(
+                f"head:{count}: {HEAD_STRANDS} strands that wave have at least "
+                f"{HEAD_LEAST_SEGMENTS * HEAD_STRANDS} segments; try head:1000000, or hair:{count}"
+            )
+    return GENERATORS[generator](
+        n_strands=n_strands, n_points=n_points, radius=radius / np.sqrt(n_strands)
+    )
 
 
 def run(

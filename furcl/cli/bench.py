@@ -20,7 +20,7 @@ app = typer.Typer(no_args_is_help=True, help="Measure; results go to a folder.")
 @app.command()
 def intersect(
     groom: Annotated[
-        str, typer.Argument(help="A groom file, a scene, or hair:N, fur:N for N segments.")
+        str, typer.Argument(help="A groom file, a scene, or hair:N, fur:N, head:N for N segments.")
     ],
     out: Out,
     device: DeviceName = None,
