@@ -111,8 +111,8 @@ def run(
     SceneError, GroomError, DeviceError, BvhError, KernelBuildError, ResourceError
     """
     opened = device if isinstance(device, Device) else open_device(device)
-    for point_radii in (False, True):  # compiles the kernels, or loads what was compiled
-        Tracer(opened, GENERATORS["fibre"](), point_radii)
+    for point_radii in (False, True):  # compiles all kernels, or loads what was compiled
+        Tracer(opened, GENERATORS["fur"](n_strands=1000), point_radii)
     host_start = _host_peak()
     curves, camera = groom_and_camera(groom)
     start_cpu = time.process_time()
