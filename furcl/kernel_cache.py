@@ -15,7 +15,7 @@ from typing import cast
 import pyopencl as cl
 
 from furcl.device import Device
-from furcl.files import atomic_path
+from furcl.files import write_cache
 from furcl.paths import cache_folder
 
 log = logging.getLogger(__name__)
@@ -57,13 +57,13 @@ def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Progra
 
 
 def store(program: cl.Program, path: Path | None) -> None:
-    """Keep the binary of a program; a folder that cannot be written to is no error."""
+    """Keep the binary of a program, where the runtime gives it; see furcl.files.write_cache."""
     if path is None:
         return
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         (binary,) = cast("list[bytes]", program.get_info(cl.program_info.BINARIES))
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(hashlib.sha256(binary).digest() + binary)
-    except (OSError, cl.Error) as error:
-        log.info("%s: kernels are not cached: %s", path, error)
+    except cl.Error as error:
+        log.info("%s: kernels not cached: %s", path, error)
+        return
+    content = hashlib.sha256(binary).digest() + binary
+    write_cache(path, lambda file: file.write_bytes(content))

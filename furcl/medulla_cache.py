@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
-import tempfile
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from furcl.files import write_cache
 from furcl.paths import cache_folder
 
 log = logging.getLogger(__name__)
@@ -42,16 +41,5 @@ def load(path: Path, shapes: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray
 
 
 def store(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write a file so that a reader sees it whole or not at all; a failure is only logged."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
-            Path(name).replace(path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        log.warning("%s: medulla profiles are not cached (%s)", path, error)
+    """Write a file; see furcl.files.write_cache."""
+    write_cache(path, lambda file: np.savez(file, **arrays))  # pyright: ignore[reportArgumentType]

@@ -15,7 +15,7 @@ import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from furcl.files import atomic_path
+from furcl.files import write_cache
 from furcl.paths import cache_folder, kernel_folder
 
 TIMEOUT_S = 180.0
@@ -122,14 +122,6 @@ def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
             pass  # none yet, or unreadable: test again
     verdict = _run(address)
     if verdict.lasting:
-        _remember(path, verdict)
+        text = json.dumps(asdict(verdict))
+        write_cache(path, lambda file: file.write_text(text))
     return verdict
-
-
-def _remember(path: Path, verdict: Verdict) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as temporary:
-            temporary.write_text(json.dumps(asdict(verdict)))
-    except OSError:
-        pass  # a cache folder that cannot be written costs seconds at the next start, no more

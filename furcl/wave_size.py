@@ -12,7 +12,7 @@ from furcl import layout
 from furcl.device import Device
 from furcl.errors import ResourceError
 from furcl.features import Features
-from furcl.files import atomic_path
+from furcl.files import write_cache
 from furcl.paths import cache_folder
 
 log = logging.getLogger(__name__)
@@ -166,10 +166,6 @@ def load(path: Path, candidates: tuple[int, ...]) -> int | None:
 
 
 def store(path: Path, paths: int) -> None:
-    """Write a file whole or not at all; a folder that cannot be written to is no error."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as temporary:
-            temporary.write_text(json.dumps({"paths": paths}) + "\n")
-    except OSError as error:
-        log.info("%s: the wave size is not cached: %s", path, error)
+    """Write a file; see furcl.files.write_cache."""
+    text = json.dumps({"paths": paths}) + "\n"
+    write_cache(path, lambda file: file.write_text(text))

@@ -105,7 +105,7 @@ def test_unwritable_folder_is_only_logged(device, tmp_path, monkeypatch, caplog)
     monkeypatch.setenv("FURCL_CACHE_DIR", str(tmp_path / "file"))
     with caplog.at_level(logging.WARNING):
         build(device)
-    assert "not cached" in caplog.text
+    assert "nothing is cached there" in caplog.text
 
 
 def test_no_cache_leaves_no_file(device, folder):
