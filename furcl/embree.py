@@ -107,6 +107,17 @@ def check_struct_sizes(sizes):
             )
 
 
+def load():
+    """Make ready what the first tree would wait for otherwise.
+
+    Raises
+    ------
+    BvhError    as `library`
+    """
+    library()
+    compiled()
+
+
 @functools.cache
 def library():
     """Load Embree once and return it with the argument types set.

@@ -7,13 +7,13 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
 import pyopencl as cl
 
-from furcl import index_checks, layout
+from furcl import embree, index_checks, layout
 from furcl.buffers import Memory
 from furcl.bvh import BUFFERS, build_bvh
 from furcl.curves import Curves
@@ -56,12 +56,12 @@ class Renderer:
     wave_size : int or None         paths traced together; None: what furcl.wave_size finds
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
-    curves : Curves or None         the scene's groom, where it is there already
+    curves : Curves, Future or None     the scene's groom, where it is there or on its way
 
     Attributes
     ----------
-    seconds : dict[str, float]      curves, bvh, tables, compile, render [s]; the tree is built
-                                    while tables and kernels are
+    seconds : dict[str, float]      curves (from here on), bvh, tables, compile, render [s]; the
+                                    first two pass while the next two do
     samples_done : int              whole samples a pixel
     rays, shadow_rays : int         rays of all kinds, and those to lights
     hits, misses : int              what the others met: fibres and the body, or nothing
@@ -77,7 +77,7 @@ class Renderer:
         device: str | Device | None = None,
         wave_size: int | None = None,
         specialised: bool = True,
-        curves: Curves | None = None,
+        curves: Curves | Future[Curves] | None = None,
     ) -> None:
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
@@ -85,27 +85,43 @@ class Renderer:
         self.seconds: dict[str, float] = {}
         self.lobe_counts = np.zeros(6, np.int64)
         self._forget_counts()
-        with self._timed("curves"):
-            curves = curves or scene.build_curves()
         environment = Environment.from_scene(scene.environment)
         self.environment_pixels_clamped = environment.n_negative
         fibre = scene.build_fibre()
-        features = scene_features(scene, curves, fibre, environment)
+        features = scene_features(scene, fibre, environment)
+        self._specialised = specialised
         if not specialised:
             features = everything_on(features)
-        # Nothing of the kernels depends on the tree: they are compiled while it is built.
+        # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
         with ThreadPoolExecutor(1) as beside:
-            geometry = beside.submit(self._build_geometry, curves, features)
+            groom = beside.submit(self._take_groom, curves)
+            geometry = beside.submit(self._build_geometry, groom, features)
+            embree.load()
             with self._timed("tables"):
                 self.material = build_material(self.memory, fibre, features, drop_lobes=specialised)
-            self.features = self.material.features
+            curves = groom.result()
+            self.features = self._with_groom(self.material.features, curves)
             self._prepare_stages(scene, curves, environment, wave_size)
             self.wavefront.place(geometry.result())
 
-    def _build_geometry(self, curves: Curves, features: Features) -> list[cl.Buffer | np.uint32]:
+    def _take_groom(self, curves: Curves | Future[Curves] | None) -> Curves:
+        """Grow or read the groom, or wait for it."""
+        with self._timed("curves"):
+            given = curves.result() if isinstance(curves, Future) else curves
+            return given or self.scene.build_curves()
+
+    def _with_groom(self, features: Features, curves: Curves) -> Features:
+        """Features without what the groom does not need."""
+        return features.with_(point_radii=not (self._specialised and curves.one_radius))
+
+    def _build_geometry(
+        self, groom: Future[Curves], features: Features
+    ) -> list[cl.Buffer | np.uint32]:
         """Build the tree on the device."""
+        curves = groom.result()
         with self._timed("bvh"):
-            bvh = build_bvh(self.memory, curves, features.point_radii, debug=features.debug)
+            point_radii = self._with_groom(features, curves).point_radii
+            bvh = build_bvh(self.memory, curves, point_radii, debug=features.debug)
         self.n_segments = bvh.n_segments
         return bvh.arguments()
 
@@ -317,7 +333,7 @@ def render(
     progress: Progress | None = None,
     time_limit: float | None = None,
     wave_size: int | None = None,
-    curves: Curves | None = None,
+    curves: Curves | Future[Curves] | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -331,7 +347,7 @@ def render(
     time_limit : float or None          stop between waves after this time [s]
     wave_size : int or None             paths traced together; changes no bit of the result; None:
                                         what is fastest on the device
-    curves : Curves or None             the scene's groom, where it is there already
+    curves : Curves, Future or None     the scene's groom, where it is there or on its way
 
     Returns
     -------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 
-from furcl.curves import Curves
 from furcl.environment import ConstantLight, Environment
 from furcl.features import Features
 from furcl.fibre import Fibre
@@ -12,10 +11,8 @@ from furcl.material import NEGLIGIBLE_SHARE, fibre_features
 from furcl.scene import Scene, triple
 
 
-def scene_features(
-    scene: Scene, curves: Curves, fibre: Fibre, environment: Environment
-) -> Features:
-    """What the kernels of a scene, with what is built from it, need.
+def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Features:
+    """What the kernels of a scene, with what is built from it, need, whatever the groom is.
 
     The environment is sampled (MIS) where `light_sampling` says so, and by "auto" unless it is
     constant: then every direction is worth the same and sampling it gains nothing. With
@@ -31,7 +28,6 @@ def scene_features(
         channels=1 if grey else 3,
         environment=environment.kind,
         light_sampling=light_sampling,
-        point_radii=not curves.one_radius,
         body=scene.body is not None,
         lens=scene.camera.aperture_radius > 0.0,
         filter=scene.film.filter,

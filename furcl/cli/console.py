@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import logging
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from rich.console import Console
-
-CONSOLE = Console(stderr=True, highlight=False, markup=False)
 LOG_INTERVAL_S = 10.0
 
 log = logging.getLogger("furcl")
@@ -18,7 +16,7 @@ log = logging.getLogger("furcl")
 
 class _Handler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
-        CONSOLE.print(f"furcl: {self.format(record)}", soft_wrap=True)
+        print(f"furcl: {self.format(record)}", file=sys.stderr)  # which a progress bar catches
 
 
 def set_up_logging(*, verbose: bool, quiet: bool) -> None:
@@ -30,6 +28,7 @@ def set_up_logging(*, verbose: bool, quiet: bool) -> None:
 
 def print_table(columns: list[str], rows: list[list[Any]]) -> None:
     """Print rows under headings; floats with four digits. Nothing is cut off in a file or pipe."""
+    from rich.console import Console
     from rich.table import Table
 
     table = Table(*columns)
@@ -69,7 +68,7 @@ class _Speed:
 @contextmanager
 def progress_report() -> Iterator[Report]:
     """A progress bar on a terminal, else a log line every ten seconds."""
-    if CONSOLE.is_terminal:
+    if sys.stderr.isatty():
         with _bar() as report:
             yield report
     else:
@@ -91,6 +90,7 @@ class _LogLines:
 
 @contextmanager
 def _bar() -> Iterator[Report]:
+    from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     columns = (
@@ -99,7 +99,8 @@ def _bar() -> Iterator[Report]:
         TaskProgressColumn(),
         TextColumn("{task.fields[speed]}"),
     )
-    with Progress(*columns, console=CONSOLE) as progress:
+    console = Console(stderr=True, highlight=False, markup=False)
+    with Progress(*columns, console=console) as progress:
         task = progress.add_task("setting up", total=None, speed="")
         speed = _Speed()
 

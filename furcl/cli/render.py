@@ -107,14 +107,14 @@ def render(
                 curves = beside.submit(loaded.build_curves)
                 from furcl.integrator import render as render_scene
 
-            image = render_scene(
-                loaded,
-                curves=curves.result(),
-                device=device,
-                progress=progress,
-                time_limit=time_limit,
-                wave_size=wave_size,
-            )
+                image = render_scene(
+                    loaded,
+                    curves=curves,
+                    device=device,
+                    progress=progress,
+                    time_limit=time_limit,
+                    wave_size=wave_size,
+                )
         written = [output, output.with_suffix(".png")]
         for path in dict.fromkeys(written):
             image.save(path)

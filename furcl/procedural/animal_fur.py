@@ -8,7 +8,8 @@ import numpy as np
 from furcl.curves import Curves
 from furcl.errors import GroomError
 from furcl.procedural import strands
-from furcl.procedural.locks import Clumps, Rng, nearest
+from furcl.procedural.locks import Clumps, Rng
+from furcl.procedural.nearest import nearest
 from furcl.procedural.ranges import FUR_RANGES, check, check_size
 from furcl.procedural.roots import noise_map, thinned, unit_directions
 from furcl.procedural.strands import Block, Ellipsoid, HalfSpace

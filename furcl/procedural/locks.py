@@ -10,13 +10,6 @@ from furcl.procedural.strands import Block, clump
 Rng = np.random.Generator
 
 
-def nearest(guides: NDArray, strands: NDArray) -> NDArray[np.int64]:
-    """Index of the nearest guide (m, d) of each strand (n, d)."""
-    from scipy.spatial import KDTree  # 0.2 s that only grooms with clumps pay
-
-    return np.asarray(KDTree(guides).query(strands)[1])
-
-
 class Clumps:
     """Guides, their lengths, and the guide that each strand is drawn to.
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from furcl.curves import Curves
 from furcl.errors import GroomError
 from furcl.procedural import strands
-from furcl.procedural.locks import Clumps, Rng, Waves, nearest
+from furcl.procedural.locks import Clumps, Rng, Waves
+from furcl.procedural.nearest import nearest
 from furcl.procedural.ranges import HAIR_RANGES, check, check_size
 from furcl.procedural.scalp import Combing, grow, lock_features, scalp_roots
 from furcl.procedural.strands import Block, Ellipsoid
