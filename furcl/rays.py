@@ -16,7 +16,7 @@ from furcl.layout import BVH_BLOCK_WORDS, NO_SEGMENT
 
 # Rays that a work-item takes, those of them under way at a time, work-items in a group:
 # docs/performance.md tells what other numbers give.
-_CPU = (64, 12, 1)
+_CPU = (128, 32, 1)
 _GPU = (1, 1, 64)
 
 
