@@ -146,7 +146,7 @@ class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         found = []
         for begin in range(0, len(points), POINTS_AT_ONCE):
             part = points[begin : begin + POINTS_AT_ONCE].astype(np.float64)
-            found.append(part[(part @ directions.T).argmax(axis=0)])
+            found.append(part[(directions @ part.T).argmax(axis=1)])
         return np.concatenate(found)
 
     def _free_slope(self) -> float:

@@ -93,6 +93,18 @@ def test_start_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("3", "3")])
+def test_commands_keep_numpys_blas_to_one_thread(
+    monkeypatch: pytest.MonkeyPatch, given: str | None, expected: str
+) -> None:
+    """Unless the user asks for more; its threads would wait in a loop beside the render."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    if given:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)
+    assert run("--help") == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == expected
+
+
 def test_render_passes_options(scene: Path, fake_render: FakeRender, tmp_path: Path) -> None:
     out, stats = tmp_path / "new" / "out.exr", tmp_path / "stats.json"
     options = ["--spp", 5, "--seed", 7, "--size", "6x4", "--sampling", "uniform-h"]

@@ -1,6 +1,7 @@
 """Whole renders: determinism, analytic radiance, agreement of samplers and of light sampling."""
 
 import json
+from concurrent.futures import Future
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from scipy import stats
 
 import furcl
 from furcl import bcsdf, layout
+from furcl.errors import GroomError
 from furcl.integrator import Renderer
+from furcl.paths import scene_folder
 from furcl.scene_io import with_overrides
 
 SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
@@ -62,6 +65,24 @@ def test_a_render_cut_in_two_is_the_same(device):
     assert renderer.advance(48)
     assert renderer.samples_done == 64
     assert _bits(renderer.image()) == _bits(furcl.render(scene, device=device))
+
+
+def test_a_groom_on_its_way_is_waited_for(device):
+    """And what it is decides what is compiled: all points of this one have one radius."""
+    scene = furcl.load_scene(scene_folder() / "single_fibre.toml", size=(8, 8), spp=2)
+    groom = Future()
+    groom.set_result(scene.build_curves())
+    renderer = Renderer(scene, device, curves=groom)
+    assert not renderer.features.point_radii
+    renderer.advance(2)
+    np.testing.assert_array_equal(renderer.image().rgb, furcl.render(scene, device=device).rgb)
+
+
+def test_a_groom_that_fails_on_its_way_fails_the_render(device):
+    groom = Future()
+    groom.set_exception(GroomError("no strands"))
+    with pytest.raises(GroomError, match="no strands"):
+        furcl.render(fur_patch(), device=device, curves=groom)
 
 
 def test_seeds_differ(device):
