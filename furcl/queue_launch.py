@@ -13,7 +13,7 @@ _GPU = (1, 64)
 def defines(device: Device) -> dict[str, int]:
     """What the kernels of those stages are built with, for a device."""
     per_item, _ = _CPU if device.is_cpu else _GPU
-    return {"FURCL_PATHS_PER_ITEM": per_item}
+    return {"FURCL_PATHS_PER_ITEM": per_item, "FURCL_LANES": 16 if per_item % 16 == 0 else 1}
 
 
 def launch_size(device: Device, n_paths: int) -> tuple[tuple[int], tuple[int]]:

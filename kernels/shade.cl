@@ -1,11 +1,8 @@
 /* Stage 4 of 5. Light found by rays that left the groom (shade_escaped) and the next ray of paths
    that met a fibre or the body (shade). */
-#include "camera.clh"
 #include "environment.clh"
-#include "frame.clh"
-#include "queue.clh"
+#include "hits.clh"
 #include "tables.clh"
-#include "vertices.clh"
 
 /* Adds the environment to paths that escaped; they end here.
 
@@ -55,7 +52,7 @@ static inline float distance_inside(float radius, float cos_theta)
 }
 
 static inline Bounce scatter_at_fibre(
-    __global float* state, uint n_slots, uint slot, const FibreParams* fibre,
+    __global float* state, uint n_slots, uint slot, const FibreFrame* frame, const FibreParams* fibre,
     __global const StoredVertex* vertices, __global const float* tables, __global const float* profiles,
     __global const float* environment, float4 u, float4 light_u)
 {
@@ -63,8 +60,7 @@ static inline Bounce scatter_at_fibre(
     const uint segment = PS_U(HIT_SEGMENT, slot);
     const float4 root = VERTEX(vertices, FURCL_INDEX(segment, FURCL_N_VERTICES));
     const float4 tip = VERTEX(vertices, FURCL_INDEX(segment + 1, FURCL_N_VERTICES));
-    const FibreFrame frame = fibre_frame(tip.xyz - root.xyz, -PS_LOAD3(DIR, slot));
-    const Incidence in = incidence_at(fibre, frame.sin_theta, frame.cos_theta);
+    const Incidence in = incidence_at(fibre, frame->sin_theta, frame->cos_theta);
     const uint lobe = PS_U(LOBE, slot);
     const float joint = PS_F(JOINT, slot);
 #if FURCL_LIGHT_SAMPLING
@@ -75,7 +71,7 @@ static inline Bounce scatter_at_fibre(
     const float3 d = lobe_sample_direction(lobe, fibre, profiles, &b, u);
     const float4 at = mix(root, tip, PS_F(HIT_U, slot));
     bounce.origin = at.xyz;
-    bounce.direction = unit_vector(frame_direction(&frame, d.x, d.y, d.z));
+    bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
     bounce.skip_segment = segment;
     bounce.skip_distance = distance_inside(at.w, d.y);
     /* h is uniform over the fibre's width: density 1/2. */
@@ -89,7 +85,7 @@ static inline Bounce scatter_at_fibre(
     bounce.pdf = joint * lobe_terms(lobe, fibre, profiles, &b, d.x, d.y, d.z).pdf / density_h;
     float light_pdf;
     bounce.light_direction = environment_sample(environment, light_u.xy, &light_pdf);
-    const float3 w = frame_angles(&frame, bounce.light_direction);
+    const float3 w = frame_angles(frame, bounce.light_direction);
     bounce.light_skip_distance = distance_inside(at.w, w.y);
     Spectrum scattered = SPECTRUM(0.0f);
     for (uint p = 0; p < FURCL_LOBES; p++) {
@@ -144,16 +140,16 @@ static inline Bounce scatter_at_body(
 typedef struct { bool next, shadow; } Onward;
 
 static inline Onward shade_path(
-    __global float* state, uint slot, const Wave* wave, uint depth, const FibreParams* fibre,
+    __global float* state, const Hits* hits, uint k, const Wave* wave, uint depth, const FibreParams* fibre,
     const Body* body, __global const StoredVertex* vertices, __global const float* tables,
     __global const float* profiles, __global const float* environment)
 {
     const uint n_slots = wave->n_slots;
-    const PixelSample pixel = pixel_of_slot(wave, slot);
-    const uint first = bounce_dimension(depth, 0u);
-    const float4 u = uniform4(wave->seed, pixel.index, pixel.sample, first + DIM_DIRECTION);
+    const uint slot = hits->slot[k];
+    const float4 u = LANES4_AT(hits->u, k);
 #if FURCL_LIGHT_SAMPLING
-    const float4 light_u = uniform4(wave->seed, pixel.index, pixel.sample, first + DIM_LIGHT);
+    const float4 light_u = uniform4(wave->seed, UINT_LANE(hits->pixel, k), UINT_LANE(hits->sample, k),
+                                    bounce_dimension(depth, DIM_LIGHT));
 #else
     const float4 light_u = (float4)(0.0f);
 #endif
@@ -167,7 +163,8 @@ static inline Onward shade_path(
     {
         /* A fibre that reflects, transmits and scatters nothing ends the path. */
         if (PS_U(LOBE, slot) >= FURCL_LOBES) return onward;
-        bounce = scatter_at_fibre(state, n_slots, slot, fibre, vertices, tables, profiles,
+        const FibreFrame frame = frame_of_lane(&hits->frames, k);
+        bounce = scatter_at_fibre(state, n_slots, slot, &frame, fibre, vertices, tables, profiles,
                                   environment, u, light_u);
     }
     const Spectrum before = PS_LOAD_SPECTRUM(THROUGHPUT, slot);
@@ -189,7 +186,8 @@ static inline Onward shade_path(
     /* Survivors carry the weight of those that end: the mean is unchanged. */
     if (depth >= wave->roulette_depth && largest < 1.0f) {
         const float4 roulette =
-            uniform4(wave->seed, pixel.index, pixel.sample, first + DIM_ROULETTE);
+            uniform4(wave->seed, UINT_LANE(hits->pixel, k), UINT_LANE(hits->sample, k),
+                     bounce_dimension(depth, DIM_ROULETTE));
         if (roulette.x >= largest) return onward;
         throughput /= largest;
     }
@@ -223,12 +221,15 @@ __kernel void shade(
     Appended next, shadows;
     next.n = shadows.n = 0u;
     FETCH_VERTICES_EARLY(hit_queue, n_hits, vertices);
-    FOR_QUEUE_ENTRIES(i, n_hits) {
-        const uint slot = FURCL_AT(hit_queue, i, n_slots);
-        const Onward onward = shade_path(state, slot, &wave, depth, &fibre, &body, vertices, tables,
-                                         profiles, environment);
-        if (onward.next) append_slot(&next, slot);
-        if (onward.shadow) append_slot(&shadows, slot);
+    FOR_GROUPS_OF_HITS(first, n_hits) {
+        const Hits hits = hits_from(first, state, hit_queue, n_hits, &wave,
+                                    bounce_dimension(depth, DIM_DIRECTION), vertices);
+        FOR_HITS(k, first, n_hits) {
+            const Onward onward = shade_path(state, &hits, k, &wave, depth, &fibre, &body, vertices,
+                                             tables, profiles, environment);
+            if (onward.next) append_slot(&next, hits.slot[k]);
+            if (onward.shadow) append_slot(&shadows, hits.slot[k]);
+        }
     }
     APPEND_ALL(next, next_queue, counts + FURCL_COUNT_NEXT);
 #if FURCL_LIGHT_SAMPLING

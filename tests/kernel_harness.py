@@ -20,10 +20,11 @@ def call(
     *arguments,
     features: Features | None = None,
     before: str = "",
+    lanes: int = 1,
 ) -> np.ndarray:
     """Evaluate an OpenCL expression of x, y, z, ... (float32 arrays of one shape) elementwise.
 
-    `before` is OpenCL text between the include and the kernel.
+    `before` is OpenCL text between the include and the kernel; `lanes` is FURCL_LANES.
 
     Returns (n,) float32.
     """
@@ -31,7 +32,7 @@ def call(
     arrays = np.broadcast_arrays(*[np.asarray(a, np.float32) for a in arguments])
     parameters = ", ".join(f"__global const float* p{name}" for name in names)
     reads = " ".join(f"const float {name} = p{name}[i];" for name in names)
-    text = program.source(include, features or Features()) + (
+    text = program.source(include, features or Features(), {"FURCL_LANES": lanes}) + (
         f"\n{before}\n__kernel void call(const uint n, __global float* out, {parameters})\n"
         f"{{ const uint i = get_global_id(0); if (i >= n) return; {reads} out[i] = {expression}; }}"
     )

@@ -74,7 +74,7 @@ def test_a_segment_that_does_not_exist_is_reported(renderer):
     plane = layout.planes(renderer.features).index("HIT_SEGMENT")
     segments = np.full(int(wave["n_slots"]), 123_456_789, np.uint32)
     cl.enqueue_copy(stages.queue, stages.state, segments, dst_offset=4 * plane * len(segments))
-    with pytest.raises(KernelIndexError, match=r"sample_lobe_h, sample_lobe_h.cl:\d+: index 12345"):
+    with pytest.raises(KernelIndexError, match=r"sample_lobe_h, hits.clh:\d+: index 12345"):
         stages.sample_lobe_h(wave, active, 0)
 
 

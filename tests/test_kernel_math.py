@@ -164,3 +164,28 @@ def test_search_cdf(device, rng, count):
     table = np.resize(cdf, len(u)) if len(u) >= count else cdf
     got = call(device, "math.clh", "FOUND(y)", table, u, before=SEARCH % count)
     np.testing.assert_array_equal(got, np.searchsorted(cdf, u, side="right"))
+
+
+LANE_ERROR = """
+static float lane_error(uint i)
+{
+    UintLanes pixel, sample;
+    for (uint k = 0; k < FURCL_LANES; k++) {
+        UINT_LANE(pixel, k) = 977u * i + k;
+        UINT_LANE(sample, k) = i ^ k;
+    }
+    const Lanes4 u = uniform_lanes(7u, pixel, sample, 5u);
+    float4 worst = (float4)(0.0f);
+    for (uint k = 0; k < FURCL_LANES; k++)
+        worst = fmax(worst, fabs(LANES4_AT(u, k) - uniform4(7u, 977u * i + k, i ^ k, 5u)));
+    return worst.x + worst.y + worst.z + worst.w;
+}
+"""
+
+
+@pytest.mark.parametrize("lanes", [1, 16])
+def test_lanes_have_the_random_numbers_of_their_paths(device, lanes):
+    error = call(
+        device, "rng.clh", "lane_error((uint)x)", np.arange(1000), before=LANE_ERROR, lanes=lanes
+    )
+    assert not error.any()

@@ -237,7 +237,8 @@ def test_weights_stay_within_the_ratios_of_a_bin(device, name, theta_deg):
     assert scalar.max() < 3.0 * scalar.mean()
 
 
-def test_frame_along_the_fibre(device):
+@pytest.mark.parametrize("lanes", [1, 16])
+def test_frame_along_the_fibre(device, lanes):
     """Orthonormal however near to the tangent the ray is: the product of both is rounding there."""
     angles = np.geomspace(1e-8, 1e-2, 400)
     t = np.array([0.6, 0.48, 0.64])
@@ -246,10 +247,10 @@ def test_frame_along_the_fibre(device):
     wo = np.cos(angles)[:, None] * t + np.sin(angles)[:, None] * side
     make = "fibre_frame((float3)(0.6f, 0.48f, 0.64f), (float3)(x, y, z))"
     for a, b in (("tangent", "side"), ("tangent", "across"), ("across", "side")):
-        dot = call(device, "frame.clh", f"dot({make}.{a}, {make}.{b})", *wo.T)
+        dot = call(device, "frame.clh", f"dot({make}.{a}, {make}.{b})", *wo.T, lanes=lanes)
         assert np.max(np.abs(dot)) < 3e-7
     for axis in ("across", "side"):
-        length = call(device, "frame.clh", f"length({make}.{axis})", *wo.T)
+        length = call(device, "frame.clh", f"length({make}.{axis})", *wo.T, lanes=lanes)
         np.testing.assert_allclose(length, 1.0, atol=5e-7)
 
 
