@@ -27,6 +27,9 @@ CHECK_FAILURES, CHECK_LINE, CHECK_INDEX, CHECK_SIZE = range(4)
 CHECK_N_VERTICES, CHECK_N_BLOCKS, CHECK_N_FILM, CHECK_FILE = range(4, 8)
 CHECK_WORDS = 16
 
+# Slots of the path state whose planes lie together: a cache line of each.
+STATE_BLOCK = 16
+
 # The tree over fibre segments (kernels/include/bvh.clh).
 BVH_BLOCK_WORDS = 32
 BVH_STACK_SIZE = 128
@@ -59,6 +62,7 @@ CONSTANTS = {
     "CHECK_N_FILM": CHECK_N_FILM,
     "CHECK_FILE": CHECK_FILE,
     "CHECK_FILE_BYTES": f"{4 * (CHECK_WORDS - CHECK_FILE)}u",
+    "STATE_BLOCK": f"{STATE_BLOCK}u",
     "BVH_BLOCK_WORDS": BVH_BLOCK_WORDS,
     "BVH_STACK_SIZE": BVH_STACK_SIZE,
     "TABLE_ROWS": TABLE_ROWS,
@@ -112,7 +116,7 @@ STRUCTS: dict[str, list[tuple[str, str]]] = {
         ("first_pixel", "uint"),  # the wave's first path: its pixel in tile order ...
         ("first_sample", "uint"),  # ... and its sample
         ("n_paths", "uint"),
-        ("n_slots", "uint"),  # stride of a plane
+        ("n_slots", "uint"),  # of the path state, a multiple of STATE_BLOCK
         ("seed", "uint"),
         ("roulette_depth", "uint"),
     ],
@@ -212,6 +216,11 @@ def planes(features: Features) -> list[str]:
     return names
 
 
+def whole_blocks(n_slots: int) -> int:
+    """The least number of slots in whole blocks of the path state that is not below `n_slots`."""
+    return -(-n_slots // STATE_BLOCK) * STATE_BLOCK
+
+
 def device_text(features: Features) -> str:
     """The OpenCL text of "layout.clh": constants, structs, planes and their accessors."""
     lines = [f"#define FURCL_{name} {value}" for name, value in CONSTANTS.items()]
@@ -232,8 +241,11 @@ def device_text(features: Features) -> str:
 
 
 _ACCESSORS = """\
-/* `state` holds planes of n_slots each. */
-#define PS_PLACE(name, slot) ((size_t)PS_##name * n_slots + FURCL_INDEX(slot, n_slots))
+/* `state` holds all planes of FURCL_STATE_BLOCK slots, then those of the slots after them: neighbours
+   are read together, and what a path needs is not far apart. */
+#define PS_PLACE(name, slot) \\
+    ((size_t)(FURCL_INDEX(slot, n_slots) / FURCL_STATE_BLOCK) * (FURCL_STATE_BLOCK * PS_COUNT) + \\
+     FURCL_STATE_BLOCK * PS_##name + (slot) % FURCL_STATE_BLOCK)
 #define PS_F(name, slot) state[PS_PLACE(name, slot)]
 #define PS_U(name, slot) (((__global uint*)state)[PS_PLACE(name, slot)])
 #define PS_LOAD3(name, slot) \\

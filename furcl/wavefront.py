@@ -74,7 +74,7 @@ class Wavefront:
     environment : Buffer            of furcl.index_checks.upload
     camera, body : structs of layout.STRUCTS
     n_vertices : int                of the groom, for the index checks
-    n_slots : int                   paths that can be traced together
+    n_slots : int                   paths that can be traced together; made whole blocks of the state
 
     Raises
     ------
@@ -104,6 +104,7 @@ class Wavefront:
         self.camera = camera
         self.body = body
         self.film = film
+        n_slots = layout.whole_blocks(n_slots)
         self.n_slots = np.uint32(n_slots)
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
         self.keep_events = False

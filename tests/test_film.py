@@ -19,10 +19,14 @@ def _add(device, memory, film, values, first_sample):
     wave = np.zeros((), layout.struct_dtype("Wave"))
     wave["width"], wave["height"] = film.width, film.height
     wave["first_sample"] = first_sample
-    wave["n_paths"] = wave["n_slots"] = n * n_pixels
-    state = np.zeros((len(names), n * n_pixels), np.float32)
+    wave["n_paths"] = n * n_pixels
+    wave["n_slots"] = n_slots = layout.whole_blocks(n * n_pixels)
     first = names.index("RADIANCE_X" if channels == 3 else "RADIANCE")
-    state[first : first + channels] = values.transpose(1, 0, 2).reshape(channels, -1)
+    planes = np.zeros((len(names), n_slots), np.float32)
+    planes[first : first + channels, : n * n_pixels] = values.transpose(1, 0, 2).reshape(
+        channels, -1
+    )
+    state = planes.reshape(len(names), -1, layout.STATE_BLOCK).swapaxes(0, 1)
     kernel = cl.Kernel(program.build(device, "film.cl", features), "add_to_film")
     size = (-(-n_pixels // LOCAL_SIZE) * LOCAL_SIZE,)
     local = Memory(device)

@@ -71,9 +71,12 @@ def test_a_segment_that_does_not_exist_is_reported(renderer):
     wave, active = _generate(renderer)
     stages = renderer.wavefront
     stages.intersect_closest(wave, active)
-    plane = layout.planes(renderer.features).index("HIT_SEGMENT")
-    segments = np.full(int(wave["n_slots"]), 123_456_789, np.uint32)
-    cl.enqueue_copy(stages.queue, stages.state, segments, dst_offset=4 * plane * len(segments))
+    names = layout.planes(renderer.features)
+    blocks = int(wave["n_slots"]) // layout.STATE_BLOCK
+    words = np.empty((blocks, len(names), layout.STATE_BLOCK), np.uint32)
+    cl.enqueue_copy(stages.queue, words, stages.state)
+    words[:, names.index("HIT_SEGMENT")] = 123_456_789
+    cl.enqueue_copy(stages.queue, stages.state, words)
     with pytest.raises(KernelIndexError, match=r"sample_lobe_h, hits.clh:\d+: index 12345"):
         stages.sample_lobe_h(wave, active, 0)
 
