@@ -241,8 +241,8 @@ def device_text(features: Features) -> str:
 
 
 _ACCESSORS = """\
-/* `state` holds all planes of FURCL_STATE_BLOCK slots, then those of the slots after them: neighbours
-   are read together, and what a path needs is not far apart. */
+/* `state` holds all planes of FURCL_STATE_BLOCK slots, then those of the slots after them:
+   neighbours are read together, and what a path needs is not far apart. */
 #define PS_PLACE(name, slot) \\
     ((size_t)(FURCL_INDEX(slot, n_slots) / FURCL_STATE_BLOCK) * (FURCL_STATE_BLOCK * PS_COUNT) + \\
      FURCL_STATE_BLOCK * PS_##name + (slot) % FURCL_STATE_BLOCK)

@@ -74,7 +74,7 @@ class Wavefront:
     environment : Buffer            of furcl.index_checks.upload
     camera, body : structs of layout.STRUCTS
     n_vertices : int                of the groom, for the index checks
-    n_slots : int                   paths that can be traced together; made whole blocks of the state
+    n_slots : int                   paths that can be traced together, at least
 
     Raises
     ------
