@@ -97,6 +97,8 @@ class Renderer:
             groom = beside.submit(self._take_groom, curves)
             geometry = beside.submit(self._build_geometry, groom, features)
             embree.load()
+            if groom.done():
+                groom.result()  # a file that cannot be used says so before tables are made
             with self._timed("tables"):
                 self.material = build_material(self.memory, fibre, features, drop_lobes=specialised)
             curves = groom.result()
