@@ -1,4 +1,4 @@
-"""Print the table of docs/performance.md from bench/results/intersect.
+"""Print the tables of docs/performance.md from bench/results/intersect.
 
 python bench/intersect_table.py
 """
@@ -6,6 +6,7 @@ python bench/intersect_table.py
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,20 @@ def row(results: dict[str, Any]) -> list[str]:
             f"{results['bytes_per_segment']:.0f}", *cells]  # fmt: skip
 
 
+def falls(found: list[dict[str, Any]]) -> Iterator[list[str]]:
+    """Of every generated groom and the one with ten times the segments: how often fewer rays/s."""
+    by_name = {(driver(r["device"]), r["groom"]): r for r in found}
+    for (runtime, name), small in by_name.items():
+        kind, _, count = name.partition(":")
+        large = by_name.get((runtime, f"{kind}:{count}0"))
+        if large:
+            cells = [
+                f"{a['mrays_s'] / b['mrays_s']:.1f} ({a['embree_mrays_s'] / b['embree_mrays_s']:.1f})"
+                for a, b in zip(small["rays"], large["rays"], strict=True)
+            ]
+            yield [f"{name}0", runtime, *cells]
+
+
 def main() -> None:
     found = [json.loads(path.read_text()) for path in FOLDER.glob("*/results.json")]
     found.sort(key=lambda r: (driver(r["device"]), row(r)[0].rstrip("0123456789"), r["segments"]))
@@ -40,6 +55,11 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     for results in found:
         print(f"| {' | '.join(row(results))} |")
+    print()
+    print("| groom | driver | primary | bounce 1 | bounce 4, shuffled | shadow |")
+    print("|---|---|---|---|---|---|")
+    for cells in falls(found):
+        print(f"| {' | '.join(cells)} |")
 
 
 if __name__ == "__main__":
