@@ -48,6 +48,18 @@ def falls(found: list[dict[str, Any]]) -> Iterator[list[str]]:
             yield [f"{name}0", runtime, *cells]
 
 
+def build(results: dict[str, Any]) -> list[str]:
+    """A groom's cells: seconds, and memory [MB] as docs/performance.md explains it."""
+    seconds, memory = results["build_seconds"], results["build_bytes"]
+    beyond = memory["host_peak"] - memory["host_start"] - memory["device_peak"]
+    sizes = (
+        results["groom_bytes"], memory["device"], memory["device_peak"],
+        memory["host_start"], memory["host_peak"], beyond,
+    )  # fmt: skip
+    return [results["groom"], driver(results["device"]), f"{seconds:.2f}",
+            f"{seconds / results['segments'] * 1e6:.2f}", *(f"{n / 1e6:.0f}" for n in sizes)]  # fmt: skip
+
+
 def main() -> None:
     found = [json.loads(path.read_text()) for path in FOLDER.glob("*/results.json")]
     found.sort(key=lambda r: (driver(r["device"]), row(r)[0].rstrip("0123456789"), r["segments"]))
@@ -60,6 +72,13 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for cells in falls(found):
         print(f"| {' | '.join(cells)} |")
+    print()
+    print("| groom | driver | seconds | for a million segments | groom | device | device, while building "
+          "| process before | process | beyond |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for results in found:
+        if ":" in results["groom"]:
+            print(f"| {' | '.join(build(results))} |")
 
 
 if __name__ == "__main__":
