@@ -6,12 +6,14 @@ python bench/intersect_table.py
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).parent / "results" / "intersect"
 KINDS = ("primary", "bounce1", "bounce4", "shadow")
+
+Results = dict[str, Any]
 
 
 def driver(device: dict[str, str]) -> str:
@@ -22,7 +24,7 @@ def driver(device: dict[str, str]) -> str:
     return f"{maker} {'.'.join(device['driver'].split('.')[:2])}"
 
 
-def row(results: dict[str, Any]) -> list[str]:
+def row(results: Results) -> list[str]:
     """A groom's cells: million rays/s of furcl / of Embree = ratio (of processor seconds)."""
     rays = {rays["kind"]: rays for rays in results["rays"]}
     cells = []
@@ -34,51 +36,53 @@ def row(results: dict[str, Any]) -> list[str]:
             f"{results['bytes_per_segment']:.0f}", *cells]  # fmt: skip
 
 
-def falls(found: list[dict[str, Any]]) -> Iterator[list[str]]:
+def falls(found: list[Results]) -> Iterator[list[str]]:
     """Of every generated groom and the one with ten times the segments: how often fewer rays/s."""
     by_name = {(driver(r["device"]), r["groom"]): r for r in found}
     for (runtime, name), small in by_name.items():
-        kind, _, count = name.partition(":")
-        large = by_name.get((runtime, f"{kind}:{count}0"))
-        if large:
+        large = by_name.get((runtime, f"{name}0"))
+        if large and ":" in name:
+            pairs = zip(small["rays"], large["rays"], strict=True)
             cells = [
-                f"{a['mrays_s'] / b['mrays_s']:.1f} ({a['embree_mrays_s'] / b['embree_mrays_s']:.1f})"
-                for a, b in zip(small["rays"], large["rays"], strict=True)
+                f"{few['mrays_s'] / many['mrays_s']:.1f} "
+                f"({few['embree_mrays_s'] / many['embree_mrays_s']:.1f})"
+                for few, many in pairs
             ]
             yield [f"{name}0", runtime, *cells]
 
 
-def build(results: dict[str, Any]) -> list[str]:
+def build(results: Results) -> list[str]:
     """A groom's cells: seconds, and memory [MB] as docs/performance.md explains it."""
     seconds, memory = results["build_seconds"], results["build_bytes"]
-    beyond = memory["host_peak"] - memory["host_start"] - memory["device_peak"]
-    sizes = (
-        results["groom_bytes"], memory["device"], memory["device_peak"],
-        memory["host_start"], memory["host_peak"], beyond,
-    )  # fmt: skip
-    return [results["groom"], driver(results["device"]), f"{seconds:.2f}",
-            f"{seconds / results['segments'] * 1e6:.2f}", *(f"{n / 1e6:.0f}" for n in sizes)]  # fmt: skip
+    per_million = seconds / results["segments"] * 1e6
+    sizes = [results["groom_bytes"]]
+    sizes += [memory[key] for key in ("device", "device_peak", "host_start", "host_peak")]
+    sizes += [memory["host_peak"] - memory["host_start"] - memory["device_peak"]]
+    megabytes = [f"{n / 1e6:.0f}" for n in sizes]
+    return [
+        results["groom"], driver(results["device"]), f"{seconds:.2f}", f"{per_million:.2f}", *megabytes
+    ]  # fmt: skip
+
+
+def print_table(headings: str, rows: Iterable[list[str]]) -> None:
+    """A table in Markdown; headings are separated by semicolons."""
+    names = headings.split("; ")
+    for cells in (names, ["---"] * len(names), *rows):
+        print(f"| {' | '.join(cells)} |")
+    print()
 
 
 def main() -> None:
     found = [json.loads(path.read_text()) for path in FOLDER.glob("*/results.json")]
     found.sort(key=lambda r: (driver(r["device"]), row(r)[0].rstrip("0123456789"), r["segments"]))
-    print("| groom | driver | B/segment | primary | bounce 1 | bounce 4, shuffled | shadow |")
-    print("|---|---|---|---|---|---|---|")
-    for results in found:
-        print(f"| {' | '.join(row(results))} |")
-    print()
-    print("| groom | driver | primary | bounce 1 | bounce 4, shuffled | shadow |")
-    print("|---|---|---|---|---|---|")
-    for cells in falls(found):
-        print(f"| {' | '.join(cells)} |")
-    print()
-    print("| groom | driver | seconds | for a million segments | groom | device | device, while building "
-          "| process before | process | beyond |")  # fmt: skip
-    print("|---|---|---|---|---|---|---|---|---|---|")
-    for results in found:
-        if ":" in results["groom"]:
-            print(f"| {' | '.join(build(results))} |")
+    kinds = "primary; bounce 1; bounce 4, shuffled; shadow"
+    print_table(f"groom; driver; B/segment; {kinds}", (row(r) for r in found))
+    print_table(f"groom; driver; {kinds}", falls(found))
+    print_table(
+        "groom; driver; seconds; for a million segments; groom; device; device, while building; "
+        "process before; process; beyond",
+        (build(r) for r in found if ":" in r["groom"]),
+    )
 
 
 if __name__ == "__main__":
