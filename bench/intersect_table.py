@@ -58,10 +58,8 @@ def build(results: Results) -> list[str]:
     sizes = [results["groom_bytes"]]
     sizes += [memory[key] for key in ("device", "device_peak", "host_start", "host_peak")]
     sizes += [memory["host_peak"] - memory["host_start"] - memory["device_peak"]]
-    megabytes = [f"{n / 1e6:.0f}" for n in sizes]
-    return [
-        results["groom"], driver(results["device"]), f"{seconds:.2f}", f"{per_million:.2f}", *megabytes
-    ]  # fmt: skip
+    numbers = [f"{seconds:.2f}", f"{per_million:.2f}", *(f"{n / 1e6:.0f}" for n in sizes)]
+    return [results["groom"], driver(results["device"]), *numbers]
 
 
 def print_table(headings: str, rows: Iterable[list[str]]) -> None:
