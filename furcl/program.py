@@ -112,15 +112,16 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
         (Path(dump) / f"{name}.{key}.cl").write_text(text)
     start = time.perf_counter()
     path = kernel_cache.binary_path(device, text, OPTIONS)
+    # Intel's compiler says "done" and pyopencl warns of it. Not for these lines alone: another
+    # thread that builds at the same time would bring the warning back.
+    warnings.filterwarnings("ignore", category=cl.CompilerWarning)
     try:
-        with warnings.catch_warnings():  # Intel's compiler says "done" and pyopencl warns of it
-            warnings.simplefilter("ignore", cl.CompilerWarning)
-            program = kernel_cache.load(device, path, OPTIONS)
-            if program is None:
-                unbuilt = cl.Program(device.context, text)
-                # False: pyopencl's own cache on disk would be a second one.
-                program = unbuilt.build(list(OPTIONS), cache_dir=False)  # pyright: ignore[reportArgumentType]
-                kernel_cache.store(program, path)
+        program = kernel_cache.load(device, path, OPTIONS)
+        if program is None:
+            unbuilt = cl.Program(device.context, text)
+            # False: pyopencl's own cache on disk would be a second one.
+            program = unbuilt.build(list(OPTIONS), cache_dir=False)  # pyright: ignore[reportArgumentType]
+            kernel_cache.store(program, path)
     except cl.Error as error:
         raise KernelBuildError(
             f"{name} does not compile on {device.name} ({device.platform}) with {features}; "
