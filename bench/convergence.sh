@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The runs behind docs/results.md, about 20 minutes on two quiet cores:
+# The runs behind docs/results.md, about 10 minutes on two quiet cores:
 #     bash bench/convergence.sh [DEVICE]
 # A run that was stopped goes on where it stopped.
 set -euo pipefail

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The runs behind docs/performance.md: rays beside Embree, about 15 minutes on two quiet cores:
+# The runs behind docs/performance.md: rays beside Embree, about 3 minutes a device on two quiet cores:
 #     bash bench/intersect.sh [DEVICE [GROOM_FILE...]]
-# Prints the table of all results. Environment: ROUNDS, GROOMS (in place of the generated ones).
+# Writes the tables of all results. Environment: ROUNDS, GROOMS (in place of the generated ones).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
@@ -14,4 +14,4 @@ for groom in $grooms "${@:2}"; do
         -o "bench/results/intersect/${device// /-}-${name//:/-}"
 done
 
-$bin/python bench/intersect_table.py
+$bin/python bench/render_tables.py docs/performance.md

@@ -1,17 +1,20 @@
-"""Print the tables of docs/performance.md from bench/results/intersect.
+"""Tables of docs/performance.md that are made from bench/results/intersect.
 
-python bench/intersect_table.py
+`python bench/render_tables.py docs/performance.md` writes them.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from results_tables import table
+
 FOLDER = Path(__file__).parent / "results" / "intersect"
 KINDS = ("primary", "bounce1", "bounce4", "shadow")
+KIND_NAMES = ("primary", "bounce 1", "bounce 4, shuffled", "shadow")
 
 Results = dict[str, Any]
 
@@ -36,9 +39,9 @@ def row(results: Results) -> list[str]:
             f"{results['bytes_per_segment']:.0f}", *cells]  # fmt: skip
 
 
-def falls(found: list[Results]) -> Iterator[list[str]]:
+def falls(results: list[Results]) -> Iterator[list[str]]:
     """Of every generated groom and the one with ten times the segments: how often fewer rays/s."""
-    by_name = {(driver(r["device"]), r["groom"]): r for r in found}
+    by_name = {(driver(r["device"]), r["groom"]): r for r in results}
     for (runtime, name), small in by_name.items():
         large = by_name.get((runtime, f"{name}0"))
         if large and ":" in name:
@@ -62,26 +65,32 @@ def build(results: Results) -> list[str]:
     return [results["groom"], driver(results["device"]), *numbers]
 
 
-def print_table(headings: str, rows: Iterable[list[str]]) -> None:
-    """A table in Markdown; headings are separated by semicolons."""
-    names = headings.split("; ")
-    for cells in (names, ["---"] * len(names), *rows):
-        print(f"| {' | '.join(cells)} |")
-    print()
-
-
-def main() -> None:
-    found = [json.loads(path.read_text()) for path in FOLDER.glob("*/results.json")]
-    found.sort(key=lambda r: (driver(r["device"]), row(r)[0].rstrip("0123456789"), r["segments"]))
-    kinds = "primary; bounce 1; bounce 4, shuffled; shadow"
-    print_table(f"groom; driver; B/segment; {kinds}", (row(r) for r in found))
-    print_table(f"groom; driver; {kinds}", falls(found))
-    print_table(
-        "groom; driver; seconds; for a million segments; groom; device; device, while building; "
-        "process before; process; beyond",
-        (build(r) for r in found if ":" in r["groom"]),
+def found() -> list[Results]:
+    """All results, in the order of the tables."""
+    results = [json.loads(path.read_text()) for path in FOLDER.glob("*/results.json")]
+    return sorted(
+        results,
+        key=lambda r: (driver(r["device"]), row(r)[0].rstrip("0123456789"), r["segments"]),
     )
 
 
-if __name__ == "__main__":
-    main()
+def rays() -> str:
+    """Rays a second beside Embree's."""
+    return table(["groom", "driver", "B/segment", *KIND_NAMES], map(row, found()))
+
+
+def tenfold() -> str:
+    """What ten times the segments cost."""
+    return table(["groom", "driver", *KIND_NAMES], falls(found()))
+
+
+def builds() -> str:
+    """Time and memory of building the trees of generated grooms."""
+    columns = [
+        "groom", "driver", "seconds", "for a million segments", "groom", "device",
+        "device, while building", "process before", "process", "beyond",
+    ]  # fmt: skip
+    return table(columns, (build(r) for r in found() if ":" in r["groom"]))
+
+
+TABLES = {"rays": rays, "tenfold": tenfold, "builds": builds}

@@ -1,8 +1,9 @@
-"""Write the tables of whole renders into docs/performance.md, between their markers.
+"""Write the tables of docs/performance.md, between their markers.
 
 python bench/render_tables.py docs/performance.md
 
-They are made from bench/results/stages, waves, peers, start and features; every folder is a run.
+They are made from bench/results/stages, waves, peers, start and features, where every folder is a
+run, and those of rays by intersect_table.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import intersect_table
 from results_tables import filled, table
 
 FOLDER = Path(__file__).parent / "results"
@@ -175,6 +177,7 @@ def features() -> str:
 
 
 TABLES = {
+    **intersect_table.TABLES,
     "start-circumstances": lambda: circumstances("start"),
     "start": start,
     "features-circumstances": lambda: circumstances("features"),

@@ -9,8 +9,7 @@ from furcl import program
 from furcl.buffers import Memory
 from furcl.device import Device
 from furcl.features import Features
-
-LOCAL_SIZE = 64
+from furcl.launch import grid
 
 
 def call(
@@ -40,9 +39,8 @@ def call(
     memory = Memory(device)
     n = arrays[0].size
     out = memory.allocate("out", 4 * n)
-    size = (-(-n // LOCAL_SIZE) * LOCAL_SIZE,)
     buffers = [
         memory.upload(name, array.ravel()) for name, array in zip(names, arrays, strict=True)
     ]
-    cl.Kernel(built, "call")(device.queue, size, (LOCAL_SIZE,), np.uint32(n), out, *buffers)
+    cl.Kernel(built, "call")(device.queue, *grid(n), np.uint32(n), out, *buffers)
     return memory.read(out, n)

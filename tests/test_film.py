@@ -8,7 +8,7 @@ from furcl import layout, program
 from furcl.buffers import Memory
 from furcl.features import Features
 from furcl.film import Film
-from furcl.wavefront import LOCAL_SIZE
+from furcl.launch import grid
 
 
 def _add(device, memory, film, values, first_sample):
@@ -28,10 +28,9 @@ def _add(device, memory, film, values, first_sample):
     )
     state = planes.reshape(len(names), -1, layout.STATE_BLOCK).swapaxes(0, 1)
     kernel = cl.Kernel(program.build(device, "film.cl", features), "add_to_film")
-    size = (-(-n_pixels // LOCAL_SIZE) * LOCAL_SIZE,)
     local = Memory(device)
     kernel(
-        device.queue, size, (LOCAL_SIZE,), local.upload("state", state), film.sums,
+        device.queue, *grid(n_pixels), local.upload("state", state), film.sums,
         film.n_samples, film.nonfinite, wave,
     )  # fmt: skip
     device.queue.finish()
