@@ -43,7 +43,7 @@ $(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
 
 # An OpenCL device that passes the self-test.
 $(VENV)/.device: $(VENV)/.installed
-	$(BIN)/python -m furcl.provision
+	$(BIN)/python -m furcl.install.provision
 	touch $@
 
 # Choose new versions of the dependencies.

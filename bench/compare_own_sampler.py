@@ -14,7 +14,7 @@ from furcl.report.convergence import interval, write_report
 
 def main(scene: str, folder: str, size: str = "96x96", runs: str = "5") -> None:
     """Compare three samplers on a scene and write the page."""
-    furcl.samplers.register(
+    furcl.fibre.samplers.register(
         "lobe-cdf",
         Path(__file__).parent / "samplers" / "lobe_cdf.clh",
         needs_tables=True,

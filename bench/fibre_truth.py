@@ -27,9 +27,9 @@ import numpy as np
 from fibre_walk import CLASSES, PHI_BINS, S_BINS, Truth, simulate
 
 from furcl import bcsdf
-from furcl.device import open_device
-from furcl.fibre import Fibre
-from furcl.medulla import MedullaProfiles, build_profiles
+from furcl.device.choice import open_device
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 SCATTERED = slice(4, 7)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from furcl.fibre import Fibre
+from furcl.fibre.double_cylinder.parameters import Fibre
 
 CLASSES = ("R", "TT", "TRT", "TRRT+", "TTs", "TRTs", "TRRTs+", "trapped")
 """Energy by path: internal reflections before the first scattering; s: scattered at least once.

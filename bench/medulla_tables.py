@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.device import Device, open_device
-from furcl.fibre import Fibre
-from furcl.medulla import MedullaProfiles, build_profiles
+from furcl.device.choice import Device, open_device
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
 
 PRESETS = ("human-white", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 RESULTS = Path(__file__).parent / "results" / "medulla_tables.json"

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from furcl import bcsdf
-from furcl.device import open_device
-from furcl.fibre import Fibre
-from furcl.medulla import MedullaProfiles, build_profiles
+from furcl.device.choice import open_device
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
 from furcl.report.convergence_plots import STYLES, save
 
 PRESETS = ("human-black", "human-white", "raccoon")

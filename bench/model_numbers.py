@@ -10,17 +10,18 @@ from unittest import mock
 
 import numpy as np
 
-from furcl import bcsdf, medulla_walk
-from furcl.bcsdf.angles import wrapped_gaussian
-from furcl.bcsdf.energy import nodes_over_h
-from furcl.buffers import Memory
-from furcl.device import Device, open_device
-from furcl.fibre import Fibre
-from furcl.material import build_material, fibre_features
-from furcl.medulla import MedullaProfiles, build_profiles
-from furcl.paper import LOBE_SHARES
-from furcl.probe import Probe
-from furcl.tables import tables_from_bins as from_bins
+from furcl import bcsdf
+from furcl.device.choice import Device, open_device
+from furcl.device.memory import Memory
+from furcl.fibre.attenuation import tables_from_bins as from_bins
+from furcl.fibre.double_cylinder import medulla_walk
+from furcl.fibre.double_cylinder.paper import LOBE_SHARES
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
+from furcl.fibre.double_cylinder.reference.angles import wrapped_gaussian
+from furcl.fibre.double_cylinder.reference.energy import nodes_over_h
+from furcl.fibre.material import build_material, fibre_features
+from furcl.render.probe import Probe
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 
@@ -189,7 +190,9 @@ def weights(device: Device) -> None:
     """Tables with and without the peaks of their bins: second moment and largest of the weights."""
     fibres = {name: Fibre.preset(name) for name in PRESETS[:4]}
     fibres |= {"eta 1.0001": Fibre(eta=1.0001), "l 0.001": Fibre(layers=1e-3)}
-    means_only = mock.patch("furcl.material.tables_from_bins", lambda means, _: from_bins(means))
+    means_only = mock.patch(
+        "furcl.fibre.material.tables_from_bins", lambda means, _: from_bins(means)
+    )
     for name, fibre in fibres.items():
         with means_only:
             plain = Probe(fibre, device=device, residual=True)

@@ -17,9 +17,9 @@ import numpy as np
 
 from furcl.bench.record import circumstances, write_json
 from furcl.bench.stages import measure
-from furcl.device import open_device
-from furcl.scene import Scene
-from furcl.scene_io import decode_scene
+from furcl.device.choice import open_device
+from furcl.scene.read import decode_scene
+from furcl.scene.tables import Scene
 
 GROOMS = ("hair10k", "fur100k")
 

@@ -9,35 +9,40 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "load_scene": "furcl.scene_io",
-    "Scene": "furcl.scene",
-    "load_curves": "furcl.groom_io",
-    "save_curves": "furcl.groom_io",
-    "Curves": "furcl.curves",
-    "Fibre": "furcl.fibre",
-    "render": "furcl.integrator",
-    "Renderer": "furcl.integrator",
-    "Probe": "furcl.probe",
-    "Image": "furcl.image",
-    "open_device": "furcl.device",
+    "load_scene": "furcl.scene.read",
+    "Scene": "furcl.scene.tables",
+    "load_curves": "furcl.groom.formats",
+    "save_curves": "furcl.groom.formats",
+    "Curves": "furcl.groom.curves",
+    "Fibre": "furcl.fibre.double_cylinder.parameters",
+    "render": "furcl.render.renderer",
+    "Renderer": "furcl.render.renderer",
+    "Probe": "furcl.render.probe",
+    "Image": "furcl.image.image",
+    "open_device": "furcl.device.choice",
     "FurclError": "furcl.errors",
-    "bcsdf": "",
-    "bench": "",
-    "samplers": "",
+}
+# Public names of modules.
+_MODULES = {
+    "bcsdf": "furcl.fibre.double_cylinder.reference",
+    "bench": "furcl.bench",
+    "samplers": "furcl.fibre.samplers",
 }
 
 if TYPE_CHECKING:
-    from furcl import bcsdf, bench, samplers
-    from furcl.curves import Curves
-    from furcl.device import open_device
+    from furcl import bench
+    from furcl.device.choice import open_device
     from furcl.errors import FurclError
-    from furcl.fibre import Fibre
-    from furcl.groom_io import load_curves, save_curves
-    from furcl.image import Image
-    from furcl.integrator import Renderer, render
-    from furcl.probe import Probe
-    from furcl.scene import Scene
-    from furcl.scene_io import load_scene
+    from furcl.fibre import samplers
+    from furcl.fibre.double_cylinder import reference as bcsdf
+    from furcl.fibre.double_cylinder.parameters import Fibre
+    from furcl.groom.curves import Curves
+    from furcl.groom.formats import load_curves, save_curves
+    from furcl.image.image import Image
+    from furcl.render.probe import Probe
+    from furcl.render.renderer import Renderer, render
+    from furcl.scene.read import load_scene
+    from furcl.scene.tables import Scene
 
 __all__ = [
     "Curves",
@@ -59,12 +64,12 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'furcl' has no attribute {name!r}")
-    if not _PUBLIC[name]:
-        return import_module(f"furcl.{name}")
-    return getattr(import_module(_PUBLIC[name]), name)
+    if name in _MODULES:
+        return import_module(_MODULES[name])
+    if name in _PUBLIC:
+        return getattr(import_module(_PUBLIC[name]), name)
+    raise AttributeError(f"module 'furcl' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_PUBLIC])
+    return sorted([*globals(), *_PUBLIC, *_MODULES])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furcl.device import Candidate, Device, list_candidates, open_candidate
+from furcl.device.choice import Candidate, Device, list_candidates, open_candidate
 
 REPOSITORY = Path(__file__).parents[1]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from furcl.environment import Environment, ImageLight
-from furcl.latlong import LatLong
-from furcl.scene import ConstantEnvironment, SkyEnvironment
+from furcl.light.environment import Environment, ImageLight
+from furcl.light.latlong import LatLong
+from furcl.light.tables import ConstantEnvironment, SkyEnvironment
 
 ENVIRONMENTS = ("constant", "sky", "low sky", "sunless sky", "image", "turned image")
 

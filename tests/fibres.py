@@ -1,6 +1,6 @@
 """Fibres that the device tests share: every feature on and off, ordinary and extreme."""
 
-from furcl.fibre import Fibre
+from furcl.fibre.double_cylinder.parameters import Fibre
 
 FIBRES = {
     "human-black": Fibre.preset("human-black"),

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from furcl import program
-from furcl.buffers import Memory
-from furcl.device import Device
-from furcl.features import Features
-from furcl.launch import grid
+from furcl.device import program
+from furcl.device.choice import Device
+from furcl.device.features import Features
+from furcl.device.launch import grid
+from furcl.device.memory import Memory
 
 
 def call(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from furcl.curves import Curves
-from furcl.layout import NO_SEGMENT
+from furcl.device.layout import NO_SEGMENT
+from furcl.groom.curves import Curves
 
 CHUNK = 1 << 22  # ray-segment pairs at a time
 

@@ -1,6 +1,6 @@
 """Small scenes that several tests render."""
 
-from furcl.scene_io import decode_scene
+from furcl.scene.read import decode_scene
 
 
 def fur_patch(**render):

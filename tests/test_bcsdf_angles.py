@@ -8,7 +8,7 @@ import pytest
 from fibre_oracles import flat_profiles, random_profiles
 
 from furcl import bcsdf
-from furcl.fibre import Fibre
+from furcl.fibre.double_cylinder.parameters import Fibre
 
 MODERATE = Fibre(
     eta=1.5, kappa=0.7, alpha_deg=3, beta_m_deg=15, beta_n_deg=20, sigma_ca=(0.1, 0.3, 0.9),

@@ -8,7 +8,7 @@ from fibre_oracles import flat_profiles, random_profiles
 from scipy.integrate import quad
 
 from furcl import bcsdf
-from furcl.fibre import Fibre
+from furcl.fibre.double_cylinder.parameters import Fibre
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 DEGREES = (0, 45, 75, 85)

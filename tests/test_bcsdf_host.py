@@ -15,7 +15,7 @@ from fibre_oracles import (
 
 from furcl import bcsdf
 from furcl.errors import FibreError
-from furcl.fibre import Fibre
+from furcl.fibre.double_cylinder.parameters import Fibre
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 

@@ -9,8 +9,8 @@ import pytest
 
 from furcl.bench import intersect
 from furcl.bench.ray_sets import ray_sets
-from furcl.embree_oracle import EmbreeScene
 from furcl.errors import GroomError
+from furcl.oracle.embree_rays import EmbreeScene
 
 
 def test_bench_measures_four_kinds_of_rays(device, tmp_path):

@@ -8,13 +8,13 @@ import render_tables
 from results_tables import filled
 from scene_documents import fur_patch
 
-from furcl import layout
 from furcl.bench import stages, waves
 from furcl.bench.features import preprocessed
 from furcl.bench.stage_bytes import bytes_per_item, functions
-from furcl.features import Features
-from furcl.integrator import Renderer
-from furcl.wavefront import STAGES
+from furcl.device import layout
+from furcl.device.features import Features
+from furcl.render.renderer import Renderer
+from furcl.render.wavefront import STAGES
 
 SCENE = """
 [film]

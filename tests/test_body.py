@@ -6,7 +6,7 @@ import numpy as np
 from kernel_harness import call
 from ray_reference import unit
 
-from furcl.features import Features
+from furcl.device.features import Features
 
 CENTRE, RADII = np.array([0.3, -0.2, 0.5]), np.array([0.5, 1.0, 2.0])
 WRAPPER = """
@@ -27,7 +27,7 @@ def body_distance(device, origins, directions):
     """Distance to the body on the device, -1 for a miss."""
     return call(
         device,
-        "body.clh",
+        "surface/ellipsoid.clh",
         "body_t((float3)(x, y, z), (float3)(a, b, c))",
         *origins.T,
         *directions.T,

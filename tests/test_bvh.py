@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from ray_reference import random_walks, strands
 
-from furcl import bvh, embree
-from furcl.buffers import Memory
-from furcl.bvh import build_bvh
-from furcl.bvh_check import check_bvh
-from furcl.bvh_chunk import BUFFERS
-from furcl.bvh_partition import Partition, top_lanes
-from furcl.curves import Curves
+from furcl.bvh import build, embree
+from furcl.bvh.build import build_bvh
+from furcl.bvh.chunk import BUFFERS
+from furcl.bvh.partition import Partition, top_lanes
+from furcl.device.layout import BVH_STACK_SIZE
+from furcl.device.memory import Memory
 from furcl.errors import BvhError
-from furcl.layout import BVH_STACK_SIZE
+from furcl.groom.curves import Curves
+from furcl.oracle.tree_check import check_bvh
 
 
 def _helix(rng):
@@ -80,7 +80,7 @@ ONE_CHUNK = 1 << 20
 def test_holds_every_segment_once_and_inside_its_bounds(device, name, chunk_segments, rng):
     curves = GROOMS[name](rng)
     bvh = build_bvh(Memory(device), curves, chunk_segments=chunk_segments)
-    bvh.validate(curves)
+    check_bvh(bvh.read(), curves)
     assert bvh.n_segments == curves.n_segments
     assert bvh.stack_size <= BVH_STACK_SIZE
 
@@ -88,7 +88,7 @@ def test_holds_every_segment_once_and_inside_its_bounds(device, name, chunk_segm
 def test_one_radius_is_stored_once(device, rng):
     curves = random_walks(rng, 500, 12, 0.1, 0.005)
     bvh = build_bvh(Memory(device), curves, point_radii=False)
-    bvh.validate(curves)
+    check_bvh(bvh.read(), curves)
     assert bvh.n_bytes == build_bvh(Memory(device), curves).n_bytes - 4 * (curves.n_points - 2)
 
 
@@ -148,9 +148,9 @@ def test_scratch_memory_is_bounded_by_the_chunk(device, rng):
 
 def test_the_buffer_of_blocks_grows(device, rng, monkeypatch):
     """Chunks that need more blocks than the first let expect."""
-    monkeypatch.setattr(bvh, "_ROOM", 0.5)
+    monkeypatch.setattr(build, "_ROOM", 0.5)
     curves = random_walks(rng, 2000, 8, 0.05, 0.002)
-    build_bvh(Memory(device), curves, chunk_segments=2000).validate(curves)
+    check_bvh(build_bvh(Memory(device), curves, chunk_segments=2000).read(), curves)
 
 
 def _kinds(bvh, flag):
@@ -269,8 +269,12 @@ def test_embree_builds_a_binary_tree_of_all_primitives(n, rng):
 
 def test_building_needs_no_numba():
     """It is there for benchmarks only, and takes longer to load than a tree to build."""
-    code = "import sys, furcl.integrator; from furcl import embree_callbacks as c; c.compiled()"
-    code += "; print('numba' in sys.modules)"
+    code = (
+        "import sys, furcl.render.renderer\n"
+        "from furcl.bvh import embree_callbacks\n"
+        "embree_callbacks.compiled()\n"
+        "print('numba' in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

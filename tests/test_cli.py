@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furcl import integrator
 from furcl.cli import main
-from furcl.curves import Curves
-from furcl.device import Device
+from furcl.device.choice import Device
 from furcl.errors import GroomError, NoDeviceError
-from furcl.groom_io import load_curves, save_curves
-from furcl.image import Image
+from furcl.groom.curves import Curves
+from furcl.groom.formats import load_curves, save_curves
+from furcl.image.image import Image
 from furcl.paths import scene_folder
+from furcl.render import renderer
 
 FIBRE_SCENE = """
 [fibre]
@@ -75,7 +75,7 @@ class FakeRender:
 @pytest.fixture
 def fake_render(monkeypatch: pytest.MonkeyPatch) -> FakeRender:
     fake = FakeRender()
-    monkeypatch.setattr(integrator, "render", fake)
+    monkeypatch.setattr(renderer, "render", fake)
     return fake
 
 
@@ -193,7 +193,7 @@ def test_no_device_ends_with_three(
     def no_device(*_: Any, **__: Any) -> Image:
         raise NoDeviceError("no OpenCL device: none")
 
-    monkeypatch.setattr(integrator, "render", no_device)
+    monkeypatch.setattr(renderer, "render", no_device)
     assert run("render", scene, "-o", scene.with_name("out.exr")) == 3
     assert capsys.readouterr().err == "furcl: no OpenCL device: none\n"
 

@@ -5,16 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from furcl.colour import (
+from furcl.errors import FibreError
+from furcl.fibre.pigment import (
     chiang_roughness,
     colour_from_sigma_ca,
-    luminance,
     sigma_ca_from_colour,
     sigma_ca_from_melanin,
-    srgb_decode,
-    srgb_encode,
 )
-from furcl.errors import FibreError
+from furcl.image.colour import luminance, srgb_decode, srgb_encode
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furcl import samplers
 from furcl.bench import convergence
 from furcl.bench.convergence_plan import Plan, quick_scene
 from furcl.bench.convergence_statistics import (
@@ -22,13 +21,14 @@ from furcl.bench.convergence_statistics import (
     ratio_interval,
     slope,
 )
-from furcl.device import Device
+from furcl.device.choice import Device
 from furcl.errors import BenchError, SamplerError
-from furcl.image import Image
+from furcl.fibre import samplers
+from furcl.image.image import Image
 from furcl.paths import scene_folder
 from furcl.report.convergence import interval, number, write_report
-from furcl.scene import Scene
-from furcl.scene_io import decode_scene, load_scene
+from furcl.scene.read import decode_scene, load_scene
+from furcl.scene.tables import Scene
 
 SPP = (4, 8, 16, 32)
 RUNS = 8

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from furcl.curves import Curves
 from furcl.errors import GroomError
+from furcl.groom.curves import Curves
 
 
 def three_strands():

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furcl import device as device_module
-from furcl import program, selftest, verdict
-from furcl.device import Candidate, Device, choose, match, open_device
+from furcl.device import choice as device_module
+from furcl.device import program, selftest, verdict
+from furcl.device.choice import Candidate, Device, choose, match, open_device
+from furcl.device.verdict import Verdict
 from furcl.errors import DeviceError, FurclError, KernelBuildError, NoDeviceError
-from furcl.verdict import Verdict
 
 
 def candidate(index: int, kind: str, name: str, driver: str) -> Candidate:
@@ -54,7 +54,7 @@ def test_choice(there: list[Candidate], spec: str, expected: Candidate) -> None:
 @pytest.mark.parametrize(
     ("there", "spec", "error", "words"),
     [
-        ([], "", NoDeviceError, "furcl.provision"),
+        ([], "", NoDeviceError, "furcl.install.provision"),
         ([BROKEN], "", NoDeviceError, "it is broken"),
         ([OLD, BROKEN], "broken", DeviceError, "it is broken"),
         ([OLD, NEW], "nvidia", DeviceError, "'nvidia' names no OpenCL device; there are 0: old"),

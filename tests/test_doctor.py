@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from furcl import doctor, provision
-from furcl.device import Candidate
-from furcl.doctor import Finding
-from furcl.provision import Step, StepImpossibleError
-from furcl.verdict import Verdict
+from furcl.device.choice import Candidate
+from furcl.device.verdict import Verdict
+from furcl.install import doctor, provision
+from furcl.install.doctor import Finding
+from furcl.install.provision import Step, StepImpossibleError
 
 DEVICE = Candidate(0, "0:0", "cpu", "Runtime", "OpenCL 3.0", "1.0", "CPU", 2, 1 << 30)
 
@@ -56,21 +56,21 @@ def test_runtime_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "gone.icd").write_text("/no/such/libgone.so\n")
     (finding,) = [f for f in bad(list(doctor._check_runtimes())) if "gone.icd" in f.what]
     assert "/no/such/libgone.so" in finding.found
-    assert finding.remedy == "python -m furcl.provision"
+    assert finding.remedy == "python -m furcl.install.provision"
 
 
 def test_intel_runtime_not_registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(provision, "intel_library", lambda: tmp_path / "libintelocl.so")
     monkeypatch.setattr(provision, "intel_registration", lambda: tmp_path / "none.icd")
     findings = [f for f in doctor._check_runtimes() if f.what == "intel-opencl-rt"]
-    assert [f.remedy for f in findings] == ["python -m furcl.provision --add intel"]
+    assert [f.remedy for f in findings] == ["python -m furcl.install.provision --add intel"]
 
 
 @pytest.mark.parametrize(
     ("code", "stderr", "words", "remedy"),
     [
         (-11, "", "ends the process with signal 11", "remove the runtime"),
-        (1, "LogicError: PLATFORM_NOT_FOUND_KHR", "no platform", "furcl.provision"),
+        (1, "LogicError: PLATFORM_NOT_FOUND_KHR", "no platform", "furcl.install.provision"),
         (0, "", "it has no device", "join the group render"),
     ],
 )
@@ -78,7 +78,7 @@ def test_no_devices(
     monkeypatch: pytest.MonkeyPatch, code: int, stderr: str, words: str, remedy: str
 ) -> None:
     fake_enumeration(monkeypatch, code, stderr)
-    monkeypatch.setattr("furcl.device.list_candidates", list)
+    monkeypatch.setattr("furcl.device.choice.list_candidates", list)
     (finding,) = doctor._check_devices()
     assert finding.level == "error"
     assert words in finding.found
@@ -87,11 +87,11 @@ def test_no_devices(
 
 def test_device_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     fake_enumeration(monkeypatch)
-    monkeypatch.setattr("furcl.device.list_candidates", lambda: [DEVICE])
+    monkeypatch.setattr("furcl.device.choice.list_candidates", lambda: [DEVICE])
     monkeypatch.setattr(Candidate, "verdict", lambda self, fresh: Verdict(False, "bad sums"))
     passed_over, none_left = doctor._check_devices()
     assert "bad sums" in passed_over.found
-    assert (none_left.level, none_left.remedy) == ("error", "python -m furcl.provision")
+    assert (none_left.level, none_left.remedy) == ("error", "python -m furcl.install.provision")
 
 
 @pytest.mark.parametrize("missing", ["package", "library"])

@@ -9,11 +9,11 @@ import pytest
 from direction_statistics import SphereBins, chi_square_p, directions, sidak
 from environments import ENVIRONMENTS, make_environment
 
-from furcl.environment import Environment, ImageLight
 from furcl.errors import ImageError
-from furcl.latlong import LatLong
-from furcl.scene import ConstantEnvironment, ImageEnvironment
-from furcl.sky import Sky, sun_illuminance, zenith_luminance
+from furcl.light.environment import Environment, ImageLight
+from furcl.light.latlong import LatLong
+from furcl.light.sky import Sky, sun_illuminance, zenith_luminance
+from furcl.light.tables import ConstantEnvironment, ImageEnvironment
 
 N_SAMPLES = 600_000
 SKIES = [(2.0, 90.0), (3.0, 45.0), (6.0, 10.0), (10.0, 0.0)]

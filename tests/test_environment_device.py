@@ -8,11 +8,11 @@ import pytest
 from direction_statistics import SphereBins, chi_square_p, sidak
 from environments import ENVIRONMENTS, make_environment
 
-from furcl import program
-from furcl.environment import Environment, ImageLight
-from furcl.features import Features
-from furcl.latlong import LatLong
-from furcl.scene import SkyEnvironment
+from furcl.device import program
+from furcl.device.features import Features
+from furcl.light.environment import Environment, ImageLight
+from furcl.light.latlong import LatLong
+from furcl.light.tables import SkyEnvironment
 
 N_SAMPLES = 600_000
 
@@ -43,7 +43,11 @@ __kernel void sample(__global const float* environment, __global const float2* u
 def run(device, environment: Environment, kernel: str, values, *, light_sampling: bool = True):
     """Run a kernel of this file over rows of `values`; its two outputs, (n, 3) and (n,)."""
     features = Features(environment=environment.kind, light_sampling=light_sampling)
-    text = program.source("environment.clh", features) + LOOKUP + (SAMPLE if light_sampling else "")
+    text = (
+        program.source("light/environment.clh", features)
+        + LOOKUP
+        + (SAMPLE if light_sampling else "")
+    )
     built = cl.Program(device.context, text).build(list(program.OPTIONS))
     flags = cl.mem_flags
     n = len(values)

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from scene_documents import fur_patch
 
-from furcl import program
 from furcl.bench import features as bench
-from furcl.curves import Curves
-from furcl.features import ENVIRONMENTS, FILTERS, Features
-from furcl.integrator import Renderer
-from furcl.material import NEGLIGIBLE_SHARE, fibre_features
+from furcl.device import program
+from furcl.device.features import ENVIRONMENTS, FILTERS, Features
+from furcl.fibre.material import NEGLIGIBLE_SHARE, fibre_features
+from furcl.groom.curves import Curves
 from furcl.paths import scene_folder
-from furcl.scene_io import load_scene, with_overrides
-from furcl.specialise import everything_on
-from furcl.wavefront import STAGES
+from furcl.render.renderer import Renderer
+from furcl.render.specialise import everything_on
+from furcl.render.wavefront import STAGES
+from furcl.scene.read import load_scene, with_overrides
 
 # Every field of Features and the values that scenes can give it.
 VALUES = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from furcl.errors import FibreError
-from furcl.fibre import RANGES, Fibre
+from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
 
 MEASURED = {
     # kappa, eta, alpha, beta_m, beta_n, sigma_ca, sigma_ms, sigma_ma, g, layers

@@ -7,9 +7,9 @@ from fibre_oracles import flat_profiles
 from fibre_walk import CLASSES, PHI_BINS, Truth, simulate
 
 from furcl import bcsdf
-from furcl.device import Device
-from furcl.fibre import Fibre
-from furcl.medulla import build_profiles
+from furcl.device.choice import Device
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import build_profiles
 
 PHOTONS = 8000
 

@@ -4,11 +4,11 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from furcl import layout, program
-from furcl.buffers import Memory
-from furcl.features import Features
-from furcl.film import Film
-from furcl.launch import grid
+from furcl.device import layout, program
+from furcl.device.features import Features
+from furcl.device.launch import grid
+from furcl.device.memory import Memory
+from furcl.render.film import Film
 
 
 def _add(device, memory, film, values, first_sample):
@@ -27,7 +27,7 @@ def _add(device, memory, film, values, first_sample):
         channels, -1
     )
     state = planes.reshape(len(names), -1, layout.STATE_BLOCK).swapaxes(0, 1)
-    kernel = cl.Kernel(program.build(device, "film.cl", features), "add_to_film")
+    kernel = cl.Kernel(program.build(device, "stages/film.cl", features), "add_to_film")
     local = Memory(device)
     kernel(
         device.queue, *grid(n_pixels), local.upload("state", state), film.sums,

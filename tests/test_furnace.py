@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 import furcl
-from furcl import bcsdf, program
-from furcl.bcsdf.angles import MIN_BETA
-from furcl.bcsdf.energy import nodes_over_h
-from furcl.device import Device
-from furcl.fibre import Fibre
-from furcl.medulla import build_profiles
+from furcl import bcsdf
+from furcl.device import program
+from furcl.device.choice import Device
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import build_profiles
+from furcl.fibre.double_cylinder.reference.angles import MIN_BETA
+from furcl.fibre.double_cylinder.reference.energy import nodes_over_h
 from furcl.paths import scene_folder
-from furcl.probe import Probe
-from furcl.scene_io import load_scene
+from furcl.render.probe import Probe
+from furcl.scene.read import load_scene
 
 DEGREES = (0, 45, 75, 85)
 KAPPAS = (0.0, 0.4, 0.86, 1.0)
@@ -126,7 +127,7 @@ def test_mutants_are_seen(device: Device, monkeypatch: pytest.MonkeyPatch, mutan
 
     def mutated(*arguments, **keywords) -> str:
         text, count = re.subn(*MUTANTS[mutant], source(*arguments, **keywords))
-        assert arguments[0] != "probe.cl" or count == 1
+        assert arguments[0] != "tools/probe.cl" or count == 1
         return text
 
     monkeypatch.setattr(program, "source", mutated)

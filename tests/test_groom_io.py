@@ -15,9 +15,9 @@ from groom_files import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furcl.curves import Curves
 from furcl.errors import GroomError
-from furcl.groom_io import load_curves, save_curves
+from furcl.groom.curves import Curves
+from furcl.groom.formats import load_curves, save_curves
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
-from furcl import compare
 from furcl.errors import ImageError
-from furcl.exr import write_exr
-from furcl.image import Image
+from furcl.image import compare
+from furcl.image.exr import write_exr
+from furcl.image.image import Image
 from furcl.version import software
 
 

@@ -9,13 +9,13 @@ import pyopencl as cl
 import pytest
 from scene_documents import fur_patch
 
-from furcl import layout, program
 from furcl.bench.features import preprocessed
+from furcl.device import layout, program
+from furcl.device.features import Features
 from furcl.errors import KernelIndexError
-from furcl.exr import write_exr
-from furcl.features import Features
-from furcl.integrator import Renderer
-from furcl.scene import ImageEnvironment
+from furcl.image.exr import write_exr
+from furcl.light.tables import ImageEnvironment
+from furcl.render.renderer import Renderer
 
 
 @pytest.fixture
@@ -121,8 +121,8 @@ MUTANTS = {
         "shade_escaped", "include/environment.clh", "ENV_INDEX(top,",
     ),
     "sum of the film": (
-        "film.cl", "(pixel * FILM_SPECTRA", "(9999u + pixel * FILM_SPECTRA",
-        "add_to_film", "film.cl", "sum = spectrum_load(FILM_PLACE(0u))",
+        "stages/film.cl", "(pixel * FILM_SPECTRA", "(9999u + pixel * FILM_SPECTRA",
+        "add_to_film", "stages/film.cl", "sum = spectrum_load(FILM_PLACE(0u))",
     ),
 }  # fmt: skip
 

@@ -12,17 +12,17 @@ from scene_documents import fur_patch
 
 import furcl
 import furcl.cli
-from furcl import info_device
-from furcl.curves import Curves
-from furcl.device import Device
+from furcl.device.choice import Device
 from furcl.errors import NoDeviceError
-from furcl.groom_io import save_curves
-from furcl.image import Image
-from furcl.info import describe
-from furcl.integrator import Renderer
-from furcl.paper import LOBE_SHARES
-from furcl.scene import Scene
-from furcl.scene_io import with_overrides
+from furcl.fibre.double_cylinder.paper import LOBE_SHARES
+from furcl.groom.curves import Curves
+from furcl.groom.formats import save_curves
+from furcl.image.image import Image
+from furcl.render import info_device
+from furcl.render.info import describe
+from furcl.render.renderer import Renderer
+from furcl.scene.read import with_overrides
+from furcl.scene.tables import Scene
 
 SCENE = """
 [fibre]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from ray_reference import brute_force, random_directions, random_walks, rays_at, strands, unit
 
-from furcl import rays as rays_module
-from furcl.curves import Curves
-from furcl.embree_oracle import EmbreeScene
-from furcl.groom_io import load_curves
-from furcl.layout import NO_SEGMENT
-from furcl.rays import Rays, Tracer
+from furcl.device.layout import NO_SEGMENT
+from furcl.groom.curves import Curves
+from furcl.groom.formats import load_curves
+from furcl.oracle.embree_rays import EmbreeScene
+from furcl.render import rays as rays_module
+from furcl.render.rays import Rays, Tracer
 
 
 def trace(device, curves, origins, directions, *arguments):

@@ -6,9 +6,9 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from furcl import kernel_cache, program
-from furcl.buffers import Memory
-from furcl.features import Features
+from furcl.device import kernel_cache, program
+from furcl.device.features import Features
+from furcl.device.memory import Memory
 
 TEXT = "__kernel void constant_value(__global float* out) { out[0] = VALUE; }\n"
 OPTIONS = program.OPTIONS
@@ -65,7 +65,7 @@ def test_unwritable_folder_is_no_error(cached_device, tmp_path, monkeypatch):
 
 
 def _keys(device):
-    text = program.source("film.cl", Features())
+    text = program.source("stages/film.cl", Features())
     return kernel_cache.cache_key(device, text, OPTIONS)
 
 
@@ -75,18 +75,18 @@ def _keys(device):
 )
 def test_key_covers_all_that_decides_a_binary(device, tmp_path, monkeypatch, change):
     before = _keys(device)
-    text, options, other = program.source("film.cl", Features()), OPTIONS, device
+    text, options, other = program.source("stages/film.cl", Features()), OPTIONS, device
     if change == "features":
-        text = program.source("film.cl", Features(variance=False))
+        text = program.source("stages/film.cl", Features(variance=False))
     elif change == "include":
         import shutil
 
         folder = tmp_path / "kernels"
         shutil.copytree(program.kernel_folder(), folder)
-        spectrum = folder / "include" / "spectrum.clh"
+        spectrum = folder / "include" / "core/spectrum.clh"
         spectrum.write_text(spectrum.read_text() + "/* one more comment */\n")
         monkeypatch.setattr(program, "kernel_folder", lambda: folder)
-        text = program.source("film.cl", Features())
+        text = program.source("stages/film.cl", Features())
     elif change == "options":
         options = (*OPTIONS, "-cl-mad-enable")
     elif change != "nothing":
@@ -99,7 +99,7 @@ def test_key_covers_all_that_decides_a_binary(device, tmp_path, monkeypatch, cha
 def test_features_that_a_file_does_not_use_still_rebuild_it_only(device):
     """Keys differ by features even where the text after the preprocessor would not."""
     keys = {
-        kernel_cache.cache_key(device, program.source("film.cl", f), OPTIONS)
+        kernel_cache.cache_key(device, program.source("stages/film.cl", f), OPTIONS)
         for f in (Features(), Features(tilt=False), Features())
     }
     assert len(keys) == 2

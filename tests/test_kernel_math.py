@@ -5,12 +5,12 @@ import pytest
 from kernel_harness import call
 from scipy import special
 
-from furcl.features import Features
+from furcl.device.features import Features
 
 
 def test_bessel_i0e(device):
     x = np.concatenate([np.linspace(0, 8, 4001), np.geomspace(1e-6, 1e8, 2001)]).astype(np.float32)
-    got = call(device, "math.clh", "bessel_i0e(x)", x)
+    got = call(device, "core/math.clh", "bessel_i0e(x)", x)
     expected = special.i0e(x.astype(np.float64))
     np.testing.assert_allclose(got, expected, rtol=1e-6)  # measured 4.6e-7
 
@@ -18,14 +18,14 @@ def test_bessel_i0e(device):
 def test_bessel_i0e_mutant(device):
     """The halved 1/(8x) term that five renderers share is seen by the bound above."""
     x = np.geomspace(4, 100, 101).astype(np.float32)
-    wrong = call(device, "math.clh", "bessel_i0e(x) - 0.0249f / (x * sqrt(x))", x)
+    wrong = call(device, "core/math.clh", "bessel_i0e(x) - 0.0249f / (x * sqrt(x))", x)
     assert np.max(np.abs(wrong / special.i0e(x.astype(np.float64)) - 1)) > 1e-4
 
 
 @pytest.mark.parametrize("scale", [1.0, 10.0, 1000.0])
 def test_wrap_angle(device, rng, scale):
     x = (rng.uniform(-1, 1, 5000) * np.pi * scale).astype(np.float32)
-    got = call(device, "math.clh", "wrap_angle(x)", x).astype(np.float64)
+    got = call(device, "core/math.clh", "wrap_angle(x)", x).astype(np.float64)
     assert np.all(np.abs(got) <= np.pi * (1 + 1e-6))
     difference = np.mod(got - x.astype(np.float64) + np.pi, 2 * np.pi) - np.pi
     # 2 pi is rounded to float32 once a turn.
@@ -33,14 +33,20 @@ def test_wrap_angle(device, rng, scale):
 
 
 def test_wrap_angle_of_nonfinite_ends(device):
-    assert not np.isfinite(call(device, "math.clh", "wrap_angle(x)", [np.inf, np.nan])).any()
+    assert not np.isfinite(call(device, "core/math.clh", "wrap_angle(x)", [np.inf, np.nan])).any()
 
 
 @pytest.mark.parametrize("beta", [1e-3, 0.05, 0.39, 0.41, 1.0, 1.49, 1.51, 2.5, 4.4])
 def test_wrapped_gaussian(device, beta):
     """Against 60 images in float64; the switches at 0.4 and 1.5 rad lie inside the list."""
     x = np.linspace(-7, 7, 4001).astype(np.float32)
-    got = call(device, "azimuthal.clh", "azimuthal_density(x, y)", x, np.float32(beta))
+    got = call(
+        device,
+        "fibre/double_cylinder/azimuthal.clh",
+        "azimuthal_density(x, y)",
+        x,
+        np.float32(beta),
+    )
     centred = np.mod(x.astype(np.float64) + np.pi, 2 * np.pi) - np.pi
     images = centred[:, None] + 2 * np.pi * np.arange(-30, 31)
     width = float(np.float32(beta))
@@ -56,7 +62,7 @@ def test_pixel_filter_is_the_inverse_of_its_distribution(device, kind):
     radius = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}[kind]
     u = ((np.arange(20000) + 0.5) / 20000).astype(np.float32)
     x = call(
-        device, "camera.clh", "filter_sample(x, y)", u, np.float32(radius),
+        device, "camera/camera.clh", "filter_sample(x, y)", u, np.float32(radius),
         features=Features(filter=kind),
     ).astype(np.float64)  # fmt: skip
     assert np.all(np.abs(x) <= radius)
@@ -73,7 +79,9 @@ def test_pixel_filter_is_the_inverse_of_its_distribution(device, kind):
 def test_normal_numbers(device):
     """Quantiles over the angle, and the radius at the largest uniform number, are finite."""
     last = np.float32(1 - 2.0**-24)
-    got = call(device, "math.clh", "normal_from_uniform(x, y)", [0.0, 0.5, last], [0.0, 0.0, 0.0])
+    got = call(
+        device, "core/math.clh", "normal_from_uniform(x, y)", [0.0, 0.5, last], [0.0, 0.0, 0.0]
+    )
     expected = np.sqrt(-2 * np.log1p(-np.array([0.0, 0.5, float(last)])))
     np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-7)
 
@@ -114,7 +122,7 @@ ELEMENTARY = {
 def test_elementary_functions(device, name):
     expression, x, twin, relative, absolute = ELEMENTARY[name]
     x = np.asarray(x, np.float32)
-    got = call(device, "math.clh", expression, x, before=SINE)
+    got = call(device, "core/math.clh", expression, x, before=SINE)
     expected = twin(x.astype(np.float64))
     np.testing.assert_allclose(got, expected, rtol=relative, atol=absolute)
 
@@ -123,16 +131,16 @@ def test_arc_tangent(device, rng):
     angle = np.concatenate([rng.uniform(-np.pi, np.pi, 20000), np.arange(-8, 9) * np.pi / 8])
     radius = np.exp(rng.uniform(-30, 30, len(angle)))
     y, x = (radius * np.sin(angle)).astype(np.float32), (radius * np.cos(angle)).astype(np.float32)
-    got = call(device, "math.clh", "arc_tangent(x, y)", y, x)
+    got = call(device, "core/math.clh", "arc_tangent(x, y)", y, x)
     np.testing.assert_allclose(
         got, np.arctan2(y.astype(np.float64), x.astype(np.float64)), rtol=4e-7
     )
-    zero = call(device, "math.clh", "arc_tangent(x, y)", [0.0, 0.0, 0.0], [0.0, 1.0, -1.0])
+    zero = call(device, "core/math.clh", "arc_tangent(x, y)", [0.0, 0.0, 0.0], [0.0, 1.0, -1.0])
     np.testing.assert_allclose(zero, [0, 0, np.pi], rtol=1e-7)
 
 
 def test_decay_of_nan_is_nan(device):
-    assert np.isnan(call(device, "math.clh", "decay(x)", [np.nan])).all()
+    assert np.isnan(call(device, "core/math.clh", "decay(x)", [np.nan])).all()
 
 
 @pytest.mark.parametrize("size", [1e-15, 1e-3, 1.0, 1e15])
@@ -140,12 +148,12 @@ def test_unit_vector(device, rng, size):
     v = (size * rng.normal(size=(3, 5000))).astype(np.float32)
     expected = v.astype(np.float64) / np.linalg.norm(v.astype(np.float64), axis=0)
     for axis, name in enumerate("xyz"):
-        got = call(device, "math.clh", f"unit_vector((float3)(x, y, z)).{name}", *v)
+        got = call(device, "core/math.clh", f"unit_vector((float3)(x, y, z)).{name}", *v)
         np.testing.assert_allclose(got, expected[axis], rtol=3e-7, atol=1e-30)
 
 
 def test_unit_vector_of_zero_is_zero(device):
-    assert call(device, "math.clh", "unit_vector((float3)(x)).x", [0.0]) == 0.0
+    assert call(device, "core/math.clh", "unit_vector((float3)(x)).x", [0.0]) == 0.0
 
 
 # A running sum in the first elements of the array, searched for the value that each element has.
@@ -162,7 +170,7 @@ def test_search_cdf(device, rng, count):
     u = np.concatenate([cdf[:-1], np.nextafter(cdf, 0.0), rng.random(4000), [0.0, 1 - 2.0**-24]])
     u = u.astype(np.float32)[u < 1.0]
     table = np.resize(cdf, len(u)) if len(u) >= count else cdf
-    got = call(device, "math.clh", "FOUND(y)", table, u, before=SEARCH % count)
+    got = call(device, "core/math.clh", "FOUND(y)", table, u, before=SEARCH % count)
     np.testing.assert_array_equal(got, np.searchsorted(cdf, u, side="right"))
 
 
@@ -186,6 +194,11 @@ static float lane_error(uint i)
 @pytest.mark.parametrize("lanes", [1, 16])
 def test_lanes_have_the_random_numbers_of_their_paths(device, lanes):
     error = call(
-        device, "rng.clh", "lane_error((uint)x)", np.arange(1000), before=LANE_ERROR, lanes=lanes
+        device,
+        "core/rng.clh",
+        "lane_error((uint)x)",
+        np.arange(1000),
+        before=LANE_ERROR,
+        lanes=lanes,
     )
     assert not error.any()

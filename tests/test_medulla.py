@@ -10,10 +10,16 @@ from direction_statistics import sidak
 from medulla_reference import leave
 from scipy import integrate, stats
 
-from furcl.device import Device
-from furcl.fibre import Fibre
-from furcl.medulla import build_profiles
-from furcl.medulla_walk import OPTICAL_RADIUS_CAP, Tally, make_plan, simulate, tau_nodes
+from furcl.device.choice import Device
+from furcl.fibre.double_cylinder.medulla_walk import (
+    OPTICAL_RADIUS_CAP,
+    Tally,
+    make_plan,
+    simulate,
+    tau_nodes,
+)
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import build_profiles
 
 PHOTONS = 64 * 48
 ANALOG = 400_000

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furcl import medulla, medulla_cache
-from furcl.fibre import Fibre
-from furcl.medulla import build_profiles
+from furcl.fibre.double_cylinder import profile_cache, profiles
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import build_profiles
 
 FIBRE = Fibre(kappa=0.5, sigma_ms=1.0, g=0.2, sigma_ma=(0.1, 0.2, 0.3))
 
@@ -38,8 +38,8 @@ def simulations(monkeypatch) -> list:
         calls.append(arguments)
         return simulate(*arguments)
 
-    simulate = medulla.simulate
-    monkeypatch.setattr(medulla, "simulate", counted)
+    simulate = profiles.simulate
+    monkeypatch.setattr(profiles, "simulate", counted)
     return calls
 
 
@@ -70,7 +70,7 @@ def test_parameters_of_no_medulla_share_the_file(device, folder, simulations):
 
 def test_other_version_is_another_file(device, folder, simulations, monkeypatch):
     build(device)
-    monkeypatch.setattr(medulla, "FORMAT_VERSION", medulla.FORMAT_VERSION + 1)
+    monkeypatch.setattr(profiles, "FORMAT_VERSION", profiles.FORMAT_VERSION + 1)
     build(device)
     assert len(simulations) == 2
 
@@ -121,8 +121,8 @@ def test_writers_at_once_leave_one_whole_file(tmp_path):
 
     def write(value: int) -> None:
         for _ in range(20):
-            medulla_cache.store(path, {"a": np.full(50_000, value)})
-            arrays = medulla_cache.load(path, shapes)
+            profile_cache.store(path, {"a": np.full(50_000, value)})
+            arrays = profile_cache.load(path, shapes)
             if arrays is None or (arrays["a"] != arrays["a"][0]).any():
                 failures.append(value)
 

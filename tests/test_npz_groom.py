@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from groom_files import POINTS, THICKNESS, assert_same, good_arrays, npz_bytes, written
 
-from furcl.curves import Curves
 from furcl.errors import GroomError
-from furcl.groom_io import load_curves
+from furcl.groom.curves import Curves
+from furcl.groom.formats import load_curves
 
 
 def forged_npz(n_rows, n_bytes=240):

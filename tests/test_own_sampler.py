@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import furcl
-from furcl import samplers
 from furcl.errors import FurclError, KernelBuildError, SamplerError, SceneError
-from furcl.fibre import Fibre
-from furcl.probe import Probe
-from furcl.scene_io import decode_scene
+from furcl.fibre import samplers
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.render.probe import Probe
+from furcl.scene.read import decode_scene
 
 EXAMPLE = Path(__file__).parents[1] / "bench" / "samplers" / "lobe_cdf.clh"
 SCENE = """

@@ -5,7 +5,7 @@ import pytest
 from fibres import FIBRES
 
 from furcl import bcsdf
-from furcl.probe import Probe
+from furcl.render.probe import Probe
 
 N = 20_000
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from groom_shapes import PLAIN_FUR, PLAIN_HAIR, arc_lengths, mean_turn, strands_of
 
-from furcl import procedural
 from furcl.errors import GroomError
-from furcl.procedural import fur, hair
+from furcl.groom import grow
+from furcl.groom.grow import fur, hair
 
 DEFAULTS: dict[str, dict[str, Any]] = {
-    name: function.__kwdefaults__ or {} for name, function in procedural.GENERATORS.items()
+    name: function.__kwdefaults__ or {} for name, function in grow.GENERATORS.items()
 }
 RANGES = {
-    "hair": procedural.HAIR_RANGES,
-    "fur": procedural.FUR_RANGES,
-    "fibre": procedural.FIBRE_RANGES,
+    "hair": grow.HAIR_RANGES,
+    "fur": grow.FUR_RANGES,
+    "fibre": grow.FIBRE_RANGES,
 }
 SMALL = {"hair": {"n_strands": 300}, "fur": {"n_strands": 300, "n_clumps": 20}, "fibre": {}}
 WHOLE_SCALP = ("hairline_front_deg", "hairline_side_deg", "hairline_back_deg")
@@ -46,7 +46,7 @@ def outside(name, allowed, default):
 
 @pytest.mark.parametrize(("generator", "name"), TABLE)
 def test_values_outside_a_range_are_refused(generator, name):
-    function = procedural.GENERATORS[generator]
+    function = grow.GENERATORS[generator]
     for value in outside(name, RANGES[generator][name], DEFAULTS[generator][name]):
         with pytest.raises(GroomError, match=f"^{generator}: {name} = "):
             function(**{**SMALL[generator], name: value})
@@ -67,12 +67,12 @@ def test_values_outside_a_range_are_refused(generator, name):
 )  # fmt: skip
 def test_unusable_parameters_are_refused(generator, parameters, message):
     with pytest.raises(GroomError, match=message):
-        procedural.GENERATORS[generator](**{"n_strands": 10, **parameters})
+        grow.GENERATORS[generator](**{"n_strands": 10, **parameters})
 
 
 @pytest.mark.parametrize("generator", ["hair", "fur"])
 def test_same_seed_same_bits(generator):
-    make, small = procedural.GENERATORS[generator], SMALL[generator]
+    make, small = grow.GENERATORS[generator], SMALL[generator]
     first, again, other = make(**small), make(**small), make(**small, seed=2)
     np.testing.assert_array_equal(first.points, again.points)
     np.testing.assert_array_equal(first.radii, again.radii)
@@ -97,7 +97,7 @@ def test_same_seed_same_bits(generator):
     ids=str,
 )
 def test_any_corner_makes_a_clean_groom(generator, parameters):
-    curves = procedural.GENERATORS[generator](**parameters)
+    curves = grow.GENERATORS[generator](**parameters)
     assert curves.n_strands == parameters["n_strands"]
     assert dict(curves.dropped) == {}
     if "n_points" in parameters:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from groom_shapes import PLAIN_FUR, arc_lengths, strands_of
 
-from furcl.procedural import body_of, fibre, fur
+from furcl.groom.grow import body_of, fibre, fur
 
 
 @pytest.mark.parametrize("bend_deg", [0, 120])

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 
-from furcl.procedural import nearest as module
-from furcl.procedural.nearest import nearest
+from furcl.groom.grow import nearest as module
+from furcl.groom.grow.nearest import nearest
 
 SHAPES = [(1, 1, 3), (1, 500, 3), (500, 1, 6), (7, 3000, 1), (4000, 20_000, 3), (3000, 9000, 6)]
 

@@ -6,19 +6,19 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from furcl import layout, program
-from furcl.buffers import Memory
+from furcl.device import layout, program
+from furcl.device.features import Features
+from furcl.device.memory import Memory
 from furcl.errors import KernelBuildError, LayoutError, ResourceError
-from furcl.features import Features
 
 KERNELS = (
-    "generate.cl",
-    "intersect.cl",
-    "sample_lobe_h.cl",
-    "shade.cl",
-    "film.cl",
-    "tables.cl",
-    "probe.cl",
+    "stages/generate.cl",
+    "stages/intersect.cl",
+    "stages/sample_lobe_h.cl",
+    "stages/shade.cl",
+    "stages/film.cl",
+    "prepare/tables.cl",
+    "tools/probe.cl",
 )
 
 
@@ -34,7 +34,7 @@ def kernel_copy(tmp_path, monkeypatch):
 def _write_constant(folder, value):
     (folder / "include" / "constant.clh").write_text(f"#define VALUE {value}\n")
     (folder / "constant.cl").write_text(
-        '#include "prelude.clh"\n#include "constant.clh"\n'
+        '#include "core/prelude.clh"\n#include "constant.clh"\n'
         "__kernel void constant_value(__global float* out) { out[0] = VALUE; }\n"
     )
 
@@ -62,7 +62,7 @@ def test_same_text_is_built_once(device, kernel_copy):
 
 
 def test_includes_come_once_and_all():
-    text = program.expand("probe.cl", Features())
+    text = program.expand("tools/probe.cl", Features())
     assert text.count("typedef struct { float theta, sin_theta, cos_theta;") <= 1
     assert text.count("static inline Incidence incidence_at") == 1
     assert '#include "' not in text
@@ -75,7 +75,7 @@ def test_missing_include_names_file_and_line(kernel_copy):
 
 
 def test_missing_define_is_an_error(device):
-    text = "#define FURCL_SAMPLING 2\n" + program.expand("generate.cl", Features())
+    text = "#define FURCL_SAMPLING 2\n" + program.expand("stages/generate.cl", Features())
     with pytest.raises(cl.Error, match="a FURCL_\\* define is missing"):
         cl.Program(device.context, text).build(list(program.OPTIONS))
 

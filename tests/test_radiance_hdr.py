@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from furcl.errors import ImageError
-from furcl.latlong import LatLong
-from furcl.radiance_hdr import read_hdr
+from furcl.image.hdr import read_hdr
+from furcl.light.latlong import LatLong
 
 HEAD = b"#?RADIANCE\n# made by a test\nFORMAT=32-bit_rle_rgbe\n"
 

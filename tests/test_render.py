@@ -10,11 +10,12 @@ from scene_documents import fur_patch, single_fibre
 from scipy import stats
 
 import furcl
-from furcl import bcsdf, layout
+from furcl import bcsdf
+from furcl.device import layout
 from furcl.errors import GroomError
-from furcl.integrator import Renderer
 from furcl.paths import scene_folder
-from furcl.scene_io import with_overrides
+from furcl.render.renderer import Renderer
+from furcl.scene.read import with_overrides
 
 SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
 

@@ -10,8 +10,8 @@ from direction_statistics import chi_square_p, sidak
 from fibres import FIBRES
 
 from furcl import bcsdf
-from furcl.bcsdf.angles import centre_and_width
-from furcl.probe import Probe
+from furcl.fibre.double_cylinder.reference.angles import centre_and_width
+from furcl.render.probe import Probe
 
 SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
 CASES = [

@@ -10,16 +10,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from furcl import camera as camera_module
-from furcl import procedural
-from furcl.camera import Camera
-from furcl.colour import sigma_ca_from_colour, sigma_ca_from_melanin
-from furcl.curves import Curves
 from furcl.errors import SceneError
-from furcl.fibre import Fibre
-from furcl.groom_io import save_curves
-from furcl.scene import ConstantEnvironment, Film, Scene
-from furcl.scene_io import apply_overrides, decode_scene, load_scene, with_overrides
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
+from furcl.groom import grow
+from furcl.groom.curves import Curves
+from furcl.groom.formats import save_curves
+from furcl.light.tables import ConstantEnvironment
+from furcl.scene import camera as camera_module
+from furcl.scene.camera import Camera
+from furcl.scene.read import apply_overrides, decode_scene, load_scene, with_overrides
+from furcl.scene.tables import Film, Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
 NAMES = sorted(path.stem for path in SCENES.glob("*.toml") if path.stem != "groom")
@@ -93,7 +94,7 @@ def test_bodies_are_just_inside_the_skin(name):
     assert scene.body is not None
     parameters = {k: getattr(scene.curves, k) for k in scene.curves.__struct_fields__}
     generator = str(scene.curves.__struct_config__.tag)
-    fitting = procedural.body_of(generator, parameters)
+    fitting = grow.body_of(generator, parameters)
     assert fitting is not None
     assert scene.body.centre == pytest.approx(fitting[0])
     assert scene.body.radii == pytest.approx(fitting[1], rel=5e-3)
@@ -182,13 +183,13 @@ def test_y_up_grooms_are_turned(groom_file):
 def test_generators_get_their_parameters():
     curves = {"generator": "fur", "n_strands": 50, "length": 0.1, "seed": 5, "comb": [1, 0, 0]}
     found = decode_scene(document(curves=curves)).build_curves()
-    expected = procedural.fur(n_strands=50, length=0.1, seed=5, comb=(1.0, 0.0, 0.0))
+    expected = grow.fur(n_strands=50, length=0.1, seed=5, comb=(1.0, 0.0, 0.0))
     assert np.array_equal(found.points, expected.points)
 
 
-@pytest.mark.parametrize("generator", procedural.GENERATORS)
+@pytest.mark.parametrize("generator", grow.GENERATORS)
 def test_every_parameter_of_a_generator_is_a_key(generator):
-    parameters = procedural.GENERATORS[generator].__kwdefaults__ or {}
+    parameters = grow.GENERATORS[generator].__kwdefaults__ or {}
     table = {k: list(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
     scene = decode_scene(document(curves={"generator": generator, **table}))
     assert {k: getattr(scene.curves, k) for k in parameters} == parameters

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from ray_reference import leaves_strand_before, strands, unit
 
-from furcl.layout import NO_SEGMENT
-from furcl.rays import Rays, Tracer
+from furcl.device.layout import NO_SEGMENT
+from furcl.render.rays import Rays, Tracer
 
 
 def straight(_):

@@ -18,8 +18,8 @@ from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import LAST, Points, grid_fibres, points, random_fibre
 from furcl.bench.stability_reference import reference_rows
 from furcl.errors import FibreError
-from furcl.fibre import RANGES, Fibre
-from furcl.probe import Probe
+from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
+from furcl.render.probe import Probe
 
 N_FIBRES = 40
 N_POINTS = 250
@@ -247,10 +247,10 @@ def test_frame_along_the_fibre(device, lanes):
     wo = np.cos(angles)[:, None] * t + np.sin(angles)[:, None] * side
     make = "fibre_frame((float3)(0.6f, 0.48f, 0.64f), (float3)(x, y, z))"
     for a, b in (("tangent", "side"), ("tangent", "across"), ("across", "side")):
-        dot = call(device, "frame.clh", f"dot({make}.{a}, {make}.{b})", *wo.T, lanes=lanes)
+        dot = call(device, "geometry/frame.clh", f"dot({make}.{a}, {make}.{b})", *wo.T, lanes=lanes)
         assert np.max(np.abs(dot)) < 3e-7
     for axis in ("across", "side"):
-        length = call(device, "frame.clh", f"length({make}.{axis})", *wo.T, lanes=lanes)
+        length = call(device, "geometry/frame.clh", f"length({make}.{axis})", *wo.T, lanes=lanes)
         np.testing.assert_allclose(length, 1.0, atol=5e-7)
 
 
@@ -289,7 +289,13 @@ def test_azimuthal_density_integrates_to_one(device, beta):
     cuts = np.unique(np.clip([-np.pi, np.pi, *steps, *-steps], -np.pi, np.pi))
     half = np.diff(cuts)[:, None] / 2
     at = ((cuts[:-1, None] + half) + half * x).ravel()
-    got = call(device, "azimuthal.clh", "azimuthal_density(x, y)", at, np.float32(beta))
+    got = call(
+        device,
+        "fibre/double_cylinder/azimuthal.clh",
+        "azimuthal_density(x, y)",
+        at,
+        np.float32(beta),
+    )
     assert got.astype(np.float64) @ (half * w).ravel() == pytest.approx(1, abs=1e-5)
 
 

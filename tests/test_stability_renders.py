@@ -7,10 +7,10 @@ import pytest
 
 from furcl import bcsdf
 from furcl.bench import stability_renders
-from furcl.bench.host_render import HostRenderer
-from furcl.curves import Curves
-from furcl.fibre import Fibre
-from furcl.scene_io import load_scene
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.groom.curves import Curves
+from furcl.oracle.host_render import HostRenderer
+from furcl.scene.read import load_scene
 
 
 @pytest.mark.statistical
@@ -84,7 +84,7 @@ def test_segments_are_met_where_the_ray_is_nearest():
         np.array([[0, -1, 0], [0, 1, 0], [5, -1, 0.3], [5, 1, 0.3]], float), 0.4,
         np.array([0, 2, 4]), source="test",
     )  # fmt: skip
-    from furcl.bench.host_render import _Segments
+    from furcl.oracle.host_render import _Segments
 
     segments = _Segments(curves)
     origin = np.array([[-3.0, 0.5, 0.1], [-3, 0.5, 0.6], [-3, 0.5, 2.0]])

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from fibres import FIBRES
 
-from furcl import bcsdf, layout
+from furcl import bcsdf
 from furcl.bench.stability_compare import probe_of
 from furcl.bench.stability_conditioning import reference_attenuation
 from furcl.bench.stability_points import points
 from furcl.bench.stability_weights import BIN_RATIO, Rows
-from furcl.buffers import Memory
-from furcl.fibre import Fibre
-from furcl.material import build_material, fibre_features
-from furcl.tables import (
+from furcl.device import layout
+from furcl.device.memory import Memory
+from furcl.fibre.attenuation import (
     FLOOR,
     PEAK_TO_MEAN,
     ROWS_BETWEEN,
@@ -21,6 +20,8 @@ from furcl.tables import (
     peaks_around,
     tables_from_bins,
 )
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.material import build_material, fibre_features
 
 
 @pytest.mark.parametrize("name", FIBRES)
@@ -71,7 +72,9 @@ def test_no_weight_is_far_above_the_energy(device, rng, name):
 
 def test_the_mean_of_a_bin_alone_would_not_do(device, rng, monkeypatch):
     """Mutant: tables without the peaks, as the paper has them; measured 500."""
-    monkeypatch.setattr("furcl.material.tables_from_bins", lambda means, _: tables_from_bins(means))
+    monkeypatch.setattr(
+        "furcl.fibre.material.tables_from_bins", lambda means, _: tables_from_bins(means)
+    )
     ratio = _largest_ratio(device, EXTREME["index 1.0001"], rng)
     assert ratio > 10 * BIN_RATIO
 

@@ -9,12 +9,12 @@ import pytest
 from scene_documents import fur_patch
 
 import furcl
-from furcl import wave_size
-from furcl.device import Device
+from furcl.device.choice import Device
+from furcl.device.features import Features
 from furcl.errors import ResourceError
-from furcl.features import Features
-from furcl.integrator import Renderer
-from furcl.wave_size import WaveSize
+from furcl.render import wave_size
+from furcl.render.renderer import Renderer
+from furcl.render.wave_size import WaveSize
 
 N_PIXELS = 24 * 16
 

@@ -5,7 +5,8 @@ import pytest
 from scene_documents import fur_patch
 
 import furcl
-from furcl import program, queue_launch, rays, wavefront
+from furcl.device import program, queue_launch
+from furcl.render import rays, wavefront
 
 SCENE = {"light_sampling": "mis", "residual": True, "spp": 2}
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from groom_files import COLOURS, COUNTS, POINTS, THICKNESS, assert_same, hair_bytes, written
 
-from furcl.curves import Curves
 from furcl.errors import GroomError
-from furcl.groom_io import load_curves, save_curves
+from furcl.groom.curves import Curves
+from furcl.groom.formats import load_curves, save_curves
 
 
 @pytest.mark.parametrize("optional", list(itertools.product([0, 1], repeat=4)))

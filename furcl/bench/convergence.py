@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from furcl import compare
 from furcl.bench.convergence_plan import Plan
 from furcl.bench.convergence_reference import (
     Reference,
@@ -27,14 +26,15 @@ from furcl.bench.convergence_reference import (
     scene_digest,
 )
 from furcl.bench.convergence_results import assemble, scene_facts, write_results
-from furcl.device import Device, open_device
+from furcl.device.choice import Device, open_device
 from furcl.errors import BenchError
+from furcl.fibre.samplers import BUILT_IN
 from furcl.files import atomic_path
-from furcl.image import Image
-from furcl.integrator import Progress, Renderer
-from furcl.samplers import BUILT_IN
-from furcl.scene import Scene
-from furcl.scene_io import with_overrides
+from furcl.image import compare
+from furcl.image.image import Image
+from furcl.render.renderer import Progress, Renderer
+from furcl.scene.read import with_overrides
+from furcl.scene.tables import Scene
 
 log = logging.getLogger(__name__)
 

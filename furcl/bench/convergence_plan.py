@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import msgspec
 
-from furcl import samplers
 from furcl.errors import BenchError
-from furcl.scene import Scene
-from furcl.scene_io import with_overrides
+from furcl.fibre import samplers
+from furcl.scene.read import with_overrides
+from furcl.scene.tables import Scene
 
 SAMPLING = ("uniform-h", "attenuation-cdf", "full-cdf")
 SPP = (64, 128, 256, 512)

@@ -12,13 +12,15 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from furcl import program, samplers
-from furcl.features import Features
-from furcl.image import Image
-from furcl.integrator import Renderer
+from furcl.device import program
+from furcl.device.features import Features
+from furcl.fibre import samplers
+from furcl.image.image import Image
+from furcl.light.tables import ImageEnvironment
 from furcl.paths import cache_folder
-from furcl.scene import ImageEnvironment, Scene
-from furcl.wavefront import STAGES
+from furcl.render.renderer import Renderer
+from furcl.render.wavefront import STAGES
+from furcl.scene.tables import Scene
 
 PILOT_SPP = 8
 N_CHUNKS = 8

@@ -20,10 +20,10 @@ from furcl.bench.convergence_statistics import (
     slope,
 )
 from furcl.bench.record import circumstances, write_json
-from furcl.curves import Curves
-from furcl.device import Device
+from furcl.device.choice import Device
 from furcl.files import atomic_path
-from furcl.scene import Scene
+from furcl.groom.curves import Curves
+from furcl.scene.tables import Scene
 
 SCHEMA = "furcl-convergence-1"
 CONFIDENCE_95 = 1.96  # standard errors of a normal variable

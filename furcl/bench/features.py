@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from furcl import program
 from furcl.bench.record import circumstances, write_json
-from furcl.device import Device, open_device
-from furcl.features import Features
-from furcl.image import Image
-from furcl.integrator import Renderer
-from furcl.scene_io import load_scene, with_overrides
-from furcl.wavefront import STAGES
+from furcl.device import program
+from furcl.device.choice import Device, open_device
+from furcl.device.features import Features
+from furcl.image.image import Image
+from furcl.render.renderer import Renderer
+from furcl.render.wavefront import STAGES
+from furcl.scene.read import load_scene, with_overrides
 
 log = logging.getLogger(__name__)
 

@@ -13,16 +13,16 @@ import numpy as np
 
 from furcl.bench.ray_sets import RaySet, ray_sets
 from furcl.bench.record import circumstances, write_json
-from furcl.camera import Camera
-from furcl.curves import Curves
-from furcl.device import Device, open_device
-from furcl.embree_oracle import EmbreeScene
+from furcl.device.choice import Device, open_device
+from furcl.device.layout import NO_SEGMENT
 from furcl.errors import GroomError
-from furcl.groom_io import load_curves
-from furcl.layout import NO_SEGMENT
-from furcl.procedural import GENERATORS
-from furcl.rays import Rays, Tracer
-from furcl.scene_io import load_scene
+from furcl.groom.curves import Curves
+from furcl.groom.formats import load_curves
+from furcl.groom.grow import GENERATORS
+from furcl.oracle.embree_rays import EmbreeScene
+from furcl.render.rays import Rays, Tracer
+from furcl.scene.camera import Camera
+from furcl.scene.read import load_scene
 
 # Distances that differ by no more than this part are one hit (joints are hit twice at one place).
 TOLERANCE = 1e-4

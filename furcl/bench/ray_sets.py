@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl.camera import Camera
-from furcl.curves import Curves
-from furcl.embree_oracle import EmbreeScene
-from furcl.layout import NO_SEGMENT
+from furcl.device.layout import NO_SEGMENT
+from furcl.groom.curves import Curves
+from furcl.oracle.embree_rays import EmbreeScene
+from furcl.scene.camera import Camera
 
 FAR = np.float32(1e30)
 BOUNCES = 4

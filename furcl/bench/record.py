@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from furcl.device import Device
+from furcl.device.choice import Device
 from furcl.files import atomic_path
 from furcl.version import software
 

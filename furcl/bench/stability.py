@@ -26,8 +26,8 @@ from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import Points, grid_fibres, points, random_fibre
 from furcl.bench.stability_reference import reference_rows
 from furcl.bench.stability_renders import render_rows
-from furcl.device import Device, open_device
-from furcl.fibre import Fibre
+from furcl.device.choice import Device, open_device
+from furcl.fibre.double_cylinder.parameters import Fibre
 
 SCHEMA = "furcl-stability-1"
 POINTS_PER_FIBRE = 2000

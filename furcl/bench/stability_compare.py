@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl import layout
 from furcl.bench.stability_conditioning import (
     attenuation_conditioning,
     evaluate_conditioning,
@@ -32,10 +31,15 @@ from furcl.bench.stability_weights import (
     largest_weight,
     no_regions,
 )
-from furcl.fibre import Fibre
-from furcl.material import fibre_features
-from furcl.medulla import AzimuthProfiles, LongitudinalProfiles, MedullaProfiles
-from furcl.probe import Probe
+from furcl.device import layout
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import (
+    AzimuthProfiles,
+    LongitudinalProfiles,
+    MedullaProfiles,
+)
+from furcl.fibre.material import fibre_features
+from furcl.render.probe import Probe
 
 Array = NDArray[np.float64]
 

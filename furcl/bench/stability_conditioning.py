@@ -10,13 +10,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl import bcsdf
 from furcl.bench.stability_points import Points
 from furcl.bench.stability_weights import Rows
-from furcl.features import SCATTERED_LOBES
-from furcl.fibre import Fibre
-from furcl.medulla import MedullaProfiles
-from furcl.probe import Probe
+from furcl.device.features import SCATTERED_LOBES
+from furcl.fibre.double_cylinder import reference
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import MedullaProfiles
+from furcl.render.probe import Probe
 
 Array = NDArray[np.float64]
 
@@ -25,10 +25,10 @@ def reference_attenuation(
     probe: Probe, h: Array, theta: Array, fibre: Fibre | None = None
 ) -> Array:
     """(lobes, n, 3) float64; of another fibre than the probe's if given."""
-    lobes = bcsdf.attenuation(
+    lobes = reference.attenuation(
         fibre or probe.fibre, h, theta, probe.material.profiles, residual=True
     )
-    return np.stack([lobes[bcsdf.RESIDUAL if n == "residual" else n] for n in probe.lobes])
+    return np.stack([lobes[reference.RESIDUAL if n == "residual" else n] for n in probe.lobes])
 
 
 def reference_evaluate(
@@ -40,11 +40,11 @@ def reference_evaluate(
     fibre: Fibre | None = None,
 ) -> Array:
     """(lobes, n, 3) float64, or (n, 3) of one lobe; of another fibre than the probe's if given."""
-    names = [bcsdf.RESIDUAL if n == "residual" else n for n in probe.lobes]
+    names = [reference.RESIDUAL if n == "residual" else n for n in probe.lobes]
     profiles, fibre = probe.material.profiles, fibre or probe.fibre
     if lobe is not None:
-        return bcsdf.evaluate(fibre, wo, wi, h, profiles, lobe=names[lobe])
-    return np.stack([bcsdf.evaluate(fibre, wo, wi, h, profiles, lobe=n) for n in names])
+        return reference.evaluate(fibre, wo, wi, h, profiles, lobe=names[lobe])
+    return np.stack([reference.evaluate(fibre, wo, wi, h, profiles, lobe=n) for n in names])
 
 
 def reference_pdf(
@@ -60,11 +60,11 @@ def reference_pdf(
         profiles = _without_absorption(probe.material.profiles)
     else:
         clear = clear.replace(sigma_ma=(0.0, 0.0, 0.0), sigma_ms=0.0)
-    name = bcsdf.RESIDUAL if probe.lobes[lobe] == "residual" else probe.lobes[lobe]
+    name = reference.RESIDUAL if probe.lobes[lobe] == "residual" else probe.lobes[lobe]
     cos = np.hypot(wo[:, 1], wo[:, 2])
     theta = np.arctan2(wo[:, 0], cos)
-    share = bcsdf.attenuation(clear, h, theta, profiles, residual=True)[name][..., 0]
-    value = bcsdf.evaluate(clear, wo, wi, h, profiles, lobe=name)[..., 0]
+    share = reference.attenuation(clear, h, theta, profiles, residual=True)[name][..., 0]
+    value = reference.evaluate(clear, wo, wi, h, profiles, lobe=name)[..., 0]
     direction = np.divide(value, share, out=np.full_like(value, np.nan), where=share > 1e-200)
     assert probe.material.tables is not None
     return (Rows(probe.material.tables, cos).joint(h)[lobe] * direction)[:, None]

@@ -12,14 +12,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl import bcsdf, layout
-from furcl.bcsdf import LOBES
-from furcl.bcsdf.angles import centre_and_width
 from furcl.bench.stability_compare import Row, describe, probe_of
 from furcl.bench.stability_conditioning import reference_attenuation
 from furcl.bench.stability_points import Points
-from furcl.fibre import Fibre
-from furcl.probe import Probe
+from furcl.device import layout
+from furcl.fibre.double_cylinder import reference
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.reference import LOBES
+from furcl.fibre.double_cylinder.reference.angles import centre_and_width
+from furcl.render.probe import Probe
 
 Array = NDArray[np.float64]
 
@@ -133,7 +134,7 @@ def _add(row: Row, probe: Probe, theta: float, p: int) -> None:
 def _peak_nodes(fibre: Fibre, p: int, theta: float) -> tuple[Array, Array, Array, Array]:
     """Sine, cosine, azimuth and weight of nodes around lobe p = 0, 1, 2."""
     h = float(np.float32(OFFSET))
-    geometry = bcsdf.geometry(fibre, h, theta)
+    geometry = reference.geometry(fibre, h, theta)
     beta = fibre.beta_n * math.sqrt(p + 1.0)
     # The reflection cone narrows towards phi = pi as well.
     centres = [(float(geometry.Phi(p)), beta)] + ([(math.pi, fibre.beta_m)] if p == 0 else [])
@@ -164,7 +165,7 @@ def _pieces(centres: list[tuple[float, float]], start: float, length: float, n: 
 
 def _scattered_nodes(fibre: Fibre, p: int, theta: float) -> tuple[Array, Array, Array, Array]:
     """The centres of the profile's bins, in which it is constant."""
-    geometry = bcsdf.geometry(fibre, float(np.float32(OFFSET)), theta)
+    geometry = reference.geometry(fibre, float(np.float32(OFFSET)), theta)
     turn = geometry.gamma_t - geometry.gamma_i + (p - 3) * (np.pi + 2.0 * geometry.gamma_t)
     n_phi, n_s = layout.PROFILE_PHIS, layout.PROFILE_SINES
     phi = (np.arange(n_phi) + 0.5) * (2.0 * np.pi / n_phi) - np.pi + turn

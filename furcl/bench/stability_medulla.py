@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 
 from furcl.bench.stability_compare import Row
-from furcl.device import Device
-from furcl.fibre import Fibre
-from furcl.layout import PROFILE_PHIS, PROFILE_SINES
-from furcl.medulla import build_profiles
+from furcl.device.choice import Device
+from furcl.device.layout import PROFILE_PHIS, PROFILE_SINES
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.profiles import build_profiles
 
 PHOTONS = 64
 """For each row: the tables are noisy, their normalisation and signs do not depend on it."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl.fibre import RANGES, Fibre
+from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
 
 Array = NDArray[np.float64]
 

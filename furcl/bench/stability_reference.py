@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from furcl import bcsdf
-from furcl.bcsdf.angles import longitudinal
 from furcl.bench.stability_compare import Row
-from furcl.fibre import Fibre
+from furcl.fibre.double_cylinder import reference
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.reference.angles import longitudinal
 
 DIGITS = 60
 
@@ -48,7 +48,7 @@ def reference_rows() -> list[Row]:
 def _attenuation(mp: Any) -> Row:
     row = Row("reference attenuation", "R TT TRT")
     for fibre, theta, h in itertools.product(_FIBRES, _THETAS, _OFFSETS):
-        got = bcsdf.attenuation(fibre, h, theta)
+        got = reference.attenuation(fibre, h, theta)
         exact = exact_attenuation(mp, fibre, h, theta)
         for lobe in ("R", "TT", "TRT"):
             _score(row, float(got[lobe][0]), exact[lobe], f"{lobe}: {fibre}, {h}, {theta}")

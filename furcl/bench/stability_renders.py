@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from furcl.bench.host_render import HostRenderer
-from furcl.device import Device
-from furcl.integrator import Renderer
+from furcl.device.choice import Device
+from furcl.oracle.host_render import HostRenderer
 from furcl.paths import scene_folder
-from furcl.scene_io import load_scene
+from furcl.render.renderer import Renderer
+from furcl.scene.read import load_scene
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl import layout
-from furcl.medulla import MedullaProfiles
-from furcl.probe import Probe
-from furcl.tables import AttenuationTables
+from furcl.device import layout
+from furcl.fibre.attenuation import AttenuationTables
+from furcl.fibre.double_cylinder.profiles import MedullaProfiles
+from furcl.render.probe import Probe
 
 Array = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from furcl import layout
 from furcl.bench.features import preprocessed
-from furcl.features import Features
-from furcl.wavefront import RAY_STAGES, STAGES
+from furcl.device import layout
+from furcl.device.features import Features
+from furcl.render.wavefront import RAY_STAGES, STAGES
 
 _ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?:[^()]|\([^()]*\))*\)\)")
 _NAME = re.compile(r"(\w+)\s*\(")

@@ -11,12 +11,12 @@ from typing import Any
 
 from furcl.bench.record import circumstances, write_json
 from furcl.bench.stage_bytes import bytes_per_item
-from furcl.device import Device, open_device
-from furcl.features import Features
-from furcl.integrator import Renderer
-from furcl.scene import Scene
-from furcl.scene_io import load_scene
-from furcl.wavefront import RAY_STAGES
+from furcl.device.choice import Device, open_device
+from furcl.device.features import Features
+from furcl.render.renderer import Renderer
+from furcl.render.wavefront import RAY_STAGES
+from furcl.scene.read import load_scene
+from furcl.scene.tables import Scene
 
 log = logging.getLogger(__name__)
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.device import Device, open_device
-from furcl.integrator import Renderer
-from furcl.scene import Scene
-from furcl.scene_io import load_scene
+from furcl.device.choice import Device, open_device
+from furcl.render.renderer import Renderer
+from furcl.scene.read import load_scene
+from furcl.scene.tables import Scene
 
 log = logging.getLogger(__name__)
 

@@ -48,7 +48,7 @@ def convergence(
     from furcl.bench import convergence as bench
     from furcl.bench.convergence_plan import QUICK_SPP, SAMPLING, SPP, Plan, quick_scene
     from furcl.report.convergence import interval, write_report
-    from furcl.scene_io import load_scene
+    from furcl.scene.read import load_scene
 
     loaded = [load_scene(scene_path(s), overrides=overrides or (), size=size) for s in scenes]
     if quick:

@@ -11,7 +11,7 @@ EXIT_NO_DEVICE = 3
 
 def devices() -> None:
     """List the OpenCL devices, what the self-test says of each, and the one furcl uses."""
-    from furcl.device import RULE, choose, list_candidates
+    from furcl.device.choice import RULE, choose, list_candidates
     from furcl.errors import DeviceError
 
     candidates = list_candidates()
@@ -36,7 +36,7 @@ def devices() -> None:
 
 def doctor() -> None:
     """Say what is wrong with this installation and which command mends it."""
-    from furcl.doctor import diagnose
+    from furcl.install.doctor import diagnose
 
     errors = 0
     for finding in diagnose():

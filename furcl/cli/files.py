@@ -25,7 +25,7 @@ def info(
 
     What a scene needs of a device is found by setting up its render. Nothing is rendered.
     """
-    from furcl.info import describe
+    from furcl.render.info import describe
 
     path = scene_path(file)
     _print_facts(describe(path, overrides or ()))
@@ -41,8 +41,8 @@ def _print_facts(facts: dict[str, str]) -> None:
 def _device_facts(path: Path, overrides: list[str], device: str | None) -> dict[str, str]:
     """What a scene needs of a device; without one, only that."""
     from furcl.errors import NoDeviceError
-    from furcl.info_device import describe
-    from furcl.scene_io import load_scene
+    from furcl.render.info_device import describe
+    from furcl.scene.read import load_scene
 
     try:
         return describe(load_scene(path, overrides=overrides), device)
@@ -55,7 +55,7 @@ def convert(
     target: Annotated[Path, typer.Argument(help="A groom to write; the suffix says the format.")],
 ) -> None:
     """Convert a groom to another format."""
-    from furcl.groom_io import load_curves, save_curves
+    from furcl.groom.formats import load_curves, save_curves
 
     curves = load_curves(source)
     save_curves(curves, target)
@@ -67,8 +67,8 @@ def compare(
     reference: Annotated[Path, typer.Argument(help="The EXR image that counts as true.")],
 ) -> None:
     """RMSE, relMSE, FLIP and largest difference of two images."""
-    from furcl.compare import compare as distances
-    from furcl.image import Image
+    from furcl.image.compare import compare as distances
+    from furcl.image.image import Image
 
     for name, value in distances(Image.load(image), Image.load(reference)).items():
         parts = value if isinstance(value, dict) else {"": value}

@@ -83,7 +83,7 @@ def render(
     ] = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
-    from furcl.scene_io import load_scene
+    from furcl.scene.read import load_scene
 
     _check_outputs(output, stats)
     loaded = load_scene(
@@ -105,7 +105,7 @@ def render(
             # The groom is made while OpenCL and what works with it is loaded.
             with ThreadPoolExecutor(1) as beside:
                 curves = beside.submit(loaded.build_curves)
-                from furcl.integrator import render as render_scene
+                from furcl.render.renderer import render as render_scene
 
                 image = render_scene(
                     loaded,

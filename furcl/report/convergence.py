@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from furcl.image import Image
+from furcl.image.image import Image
 from furcl.report import convergence_plots as plots
 from furcl.report.page import load_results, write_page
 

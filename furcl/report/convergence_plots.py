@@ -13,9 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from furcl.colour import srgb_encode
 from furcl.files import atomic_path
-from furcl.image import Image
+from furcl.image.colour import srgb_encode
+from furcl.image.image import Image
 
 # Okabe and Ito's colours, told apart by all; markers for print.
 STYLES = (

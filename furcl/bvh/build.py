@@ -1,0 +1,238 @@
+"""The tree over the segments of a groom, as kernels/include/bvh/block.clh reads it."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from furcl.bvh.chunk import ChunkBuilder
+from furcl.bvh.partition import Partition, top_blocks, top_lanes
+from furcl.device import index_checks
+from furcl.device.layout import BVH_BLOCK_WORDS, BVH_STACK_SIZE
+from furcl.device.memory import Memory
+from furcl.errors import BvhError
+from furcl.groom.curves import Curves
+
+#: Segments that are built at once: bounds the memory that building needs, about 200 bytes each.
+CHUNK_SEGMENTS = 1 << 20
+
+#: The buffers that `build_bvh` leaves in the memory that it is given.
+BUFFERS = ("bvh", "vertices", "strand offsets")
+
+_BLOCK_BYTES = 4 * BVH_BLOCK_WORDS
+_UPLOAD_POINTS = 1 << 18
+#: How much larger than the chunks so far let expect the buffer of a tree of many chunks is made.
+_ROOM = 1.02
+
+
+@dataclass(frozen=True, eq=False)
+class BvhArrays:
+    """A tree on the host.
+
+    Attributes
+    ----------
+    blocks : (b, 32) uint32             see kernels/include/bvh/block.clh; block 0 is the root
+    vertices : (n_points, 4) float32    x, y, z, radius
+    offsets : (S + 1,) uint32           strand s owns vertices offsets[s] .. offsets[s + 1] - 1
+    stack_size : int                    stack entries that a traversal can need
+    """
+
+    blocks: NDArray[np.uint32]
+    vertices: NDArray[np.float32]
+    offsets: NDArray[np.uint32]
+    stack_size: int
+
+
+@dataclass(frozen=True, eq=False)
+class Bvh:
+    """A tree of 8-wide blocks and what its leaves refer to, on a device.
+
+    Attributes
+    ----------
+    memory : Memory         holds the buffers
+    blocks : cl.Buffer      (n_blocks, 32) uint32, see kernels/include/bvh/block.clh;
+                            block 0 is the root
+    vertices : cl.Buffer    positions and radii, see kernels/include/geometry/vertices.clh
+    point_radii : bool      whether each vertex has a radius of its own
+    offsets : cl.Buffer     (n_strands + 1,) uint32: strand s owns vertices offsets[s] ..
+                            offsets[s + 1] - 1
+    n_blocks, n_points, n_strands, n_segments : int
+    longest_strand : int    points of the longest strand
+    stack_size : int        stack entries that a traversal can need
+    build_seconds : float   time that the build took, upload of the groom included [s]
+    """
+
+    memory: Memory
+    blocks: cl.Buffer
+    vertices: cl.Buffer
+    point_radii: bool
+    offsets: cl.Buffer
+    n_blocks: int
+    n_points: int
+    n_strands: int
+    n_segments: int
+    longest_strand: int
+    stack_size: int
+    build_seconds: float
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory on the device [bytes]."""
+        return self.blocks.size + self.vertices.size + self.offsets.size
+
+    def arguments(self) -> list[cl.Buffer | np.uint32]:
+        """What BVH_PARAMETERS names in kernels/include/bvh/traversal.clh, in that order."""
+        numbers = np.uint32(self.n_strands), np.uint32(self.longest_strand)
+        return [self.blocks, self.vertices, self.offsets, *numbers]
+
+    def read(self) -> BvhArrays:
+        """Copy everything back to the host."""
+        read = self.memory.read
+        return BvhArrays(
+            blocks=read(self.blocks, (self.n_blocks, BVH_BLOCK_WORDS), np.uint32),
+            vertices=self._read_vertices(),
+            offsets=read(self.offsets, self.n_strands + 1, np.uint32),
+            stack_size=self.stack_size,
+        )
+
+    def _read_vertices(self) -> NDArray[np.float32]:
+        stored = self.memory.read(self.vertices, self.vertices.size // 4)
+        if self.point_radii:
+            return stored.reshape(-1, 4)
+        points = stored[1:-1].reshape(-1, 3)
+        return np.concatenate([points, np.full((len(points), 1), stored[0])], axis=1)
+
+
+def build_bvh(
+    memory: Memory,
+    curves: Curves,
+    point_radii: bool = True,
+    *,
+    debug: bool = False,
+    chunk_segments: int = CHUNK_SEGMENTS,
+) -> Bvh:
+    """Build the tree of a groom; what is uploaded or made stays in `memory`.
+
+    Parameters
+    ----------
+    memory : Memory             takes BUFFERS
+    curves : Curves
+    point_radii : bool          False stores the radius of the first point for all
+                                (Features.point_radii)
+    debug : bool                room for what debug builds need: behind the blocks one of no lanes,
+                                where indices outside the tree lead, and records of index checks
+    chunk_segments : int        larger grooms are built in 8, 64, ... chunks, of at most about that
+                                many segments each, under blocks of boxes
+
+    Raises
+    ------
+    BvhError    if Embree cannot be used, or if the tree is too deep for the traversal stack
+    ResourceError, KernelBuildError
+    """
+    start = time.perf_counter()
+    vertices = _upload_vertices(memory, curves, point_radii)
+    n_chunks = 1
+    while n_chunks * chunk_segments < curves.n_segments:
+        n_chunks *= 8  # as many as fill the lanes of the blocks above them
+    spare_bytes = _BLOCK_BYTES + index_checks.RECORD_BYTES if debug else 0
+    blocks, n_blocks, stack_size = _build_blocks(
+        memory, curves, vertices, point_radii, n_chunks, spare_bytes
+    )
+    if stack_size > BVH_STACK_SIZE:
+        raise BvhError(
+            f"the tree of {curves.n_segments} segments needs a stack of {stack_size} entries, "
+            f"kernels have {BVH_STACK_SIZE}; the groom is extremely uneven: split it"
+        )
+    offsets = curves.offsets.astype(np.uint32)
+    return Bvh(
+        memory=memory,
+        blocks=blocks,
+        vertices=vertices,
+        point_radii=point_radii,
+        offsets=index_checks.upload(memory, "strand offsets", offsets, debug),
+        n_blocks=n_blocks,
+        n_points=curves.n_points,
+        n_strands=curves.n_strands,
+        n_segments=curves.n_segments,
+        longest_strand=int(np.diff(curves.offsets).max()),
+        stack_size=stack_size,
+        build_seconds=time.perf_counter() - start,
+    )
+
+
+def _upload_vertices(memory: Memory, curves: Curves, point_radii: bool) -> cl.Buffer:
+    """What kernels/include/geometry/vertices.clh reads, copied a part at a time."""
+    n, width = curves.n_points, 4 if point_radii else 3
+    head = np.zeros(0 if point_radii else 1, np.float32)
+    head[:] = curves.radii[0]
+    buffer = memory.allocate("vertices", 4 * (width * n + 2 * len(head)))
+    part = np.empty((min(_UPLOAD_POINTS, n), width), np.float32)
+    for begin in range(0, n, _UPLOAD_POINTS):
+        end = min(begin + _UPLOAD_POINTS, n)
+        part[: end - begin, :3] = curves.points[begin:end]
+        if point_radii:
+            part[: end - begin, 3] = curves.radii[begin:end]
+        _write(memory, buffer, part[: end - begin], head.nbytes + part.itemsize * width * begin)
+    if not point_radii:
+        _write(memory, buffer, head, 0)
+    return buffer
+
+
+def _write(memory: Memory, buffer: cl.Buffer, array: NDArray, offset: int) -> None:
+    """Copy an array to a place [bytes] in a buffer and wait."""
+    cl.enqueue_copy(memory.device.queue, buffer, array, dst_offset=offset, is_blocking=True)
+
+
+def _build_blocks(
+    memory: Memory,
+    curves: Curves,
+    vertices: cl.Buffer,
+    point_radii: bool,
+    n_chunks: int,
+    spare_bytes: int,
+) -> tuple[cl.Buffer, int, int]:
+    """Build chunk after chunk behind the blocks over them; blocks, their number, stack size."""
+    if n_chunks == 1:
+        chunks, sizes = [curves.segment_vertices().view(np.uint32)], [curves.n_segments]
+    else:
+        chunks = Partition(curves, n_chunks)
+        sizes = chunks.sizes
+    lanes = top_lanes(len(sizes))
+    lo, hi = curves.bounds()
+    blocks = memory.allocate("bvh", _BLOCK_BYTES)  # grows with what is learnt of the chunks
+    roots, ends = [], [len(lanes)]
+    with memory.scratch() as scratch:
+        builder = ChunkBuilder(
+            scratch, vertices, point_radii, float((hi - lo).max()), capacity=max(sizes)
+        )
+        for i, segments in enumerate(chunks):
+            roots.append(builder.plan(segments))
+            ends.append(ends[-1] + roots[-1].n_blocks)
+            share = sum(sizes[: i + 1]) / curves.n_segments
+            blocks = _with_room(memory, blocks, ends[-1], share, spare_bytes)
+            builder.write(blocks, first_block=ends[-2])
+        memory.device.queue.finish()
+    if not lanes:
+        return blocks, ends[-1], roots[0].stack_size
+    boxes = np.array([root.box for root in roots])
+    stacks = [root.stack_size for root in roots]
+    top, stack_size = top_blocks(lanes, boxes, ends[:-1], stacks)
+    _write(memory, blocks, top, 0)
+    return blocks, ends[-1], stack_size
+
+
+def _with_room(
+    memory: Memory, blocks: cl.Buffer, n_blocks: int, share: float, spare_bytes: int
+) -> cl.Buffer:
+    """A buffer for `n_blocks` blocks, or for the rest too if they are a `share` of the tree."""
+    if blocks.size >= _BLOCK_BYTES * n_blocks + spare_bytes:
+        return blocks
+    if share < 1.0:
+        n_blocks = max(n_blocks, math.ceil(_ROOM * n_blocks / share))
+    n_bytes = _BLOCK_BYTES * n_blocks + spare_bytes
+    return memory.grow("bvh", blocks, n_bytes, zero=spare_bytes > 0)

@@ -1,0 +1,152 @@
+"""The tree of up to some million segments: Embree's binary tree, made into blocks on the device."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from furcl.bvh import embree
+from furcl.device import program
+from furcl.device.features import Features
+from furcl.device.launch import grid
+from furcl.device.memory import Memory
+
+NOWHERE = 0xFFFFFFFF
+# Bytes of a node, or of a segment, in the buffers of kernels/prepare/bvh_build.cl.
+BUFFERS = {
+    "segments": 4,
+    "boxes, then costs": embree.PRIMITIVE.itemsize,
+    "leaves": 4,
+    "nodes": 16,
+    "by height": 4,
+    "summaries": 32,
+    "choices": 8,
+    "places": 8,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Root:
+    """What is known of a chunk before its blocks are written.
+
+    Attributes
+    ----------
+    n_blocks, stack_size : int      as of furcl.bvh.build.Bvh
+    box : (2, 3) float32            lower and upper corner of all its segments with their radii
+    """
+
+    n_blocks: int
+    stack_size: int
+    box: NDArray[np.float32]
+
+
+class ChunkBuilder:
+    """Builds chunks of one groom, whose vertices are on the device, one after the other.
+
+    Parameters
+    ----------
+    scratch : Memory            takes BUFFERS, which all chunks share
+    vertices : cl.Buffer        of the whole groom, see kernels/include/geometry/vertices.clh
+    point_radii : bool          whether they have a radius each
+    size : float                of the groom, any measure of it
+    capacity : int              segments of the largest chunk
+
+    Raises
+    ------
+    KernelBuildError, ResourceError
+    """
+
+    def __init__(
+        self, scratch: Memory, vertices: cl.Buffer, point_radii: bool, size: float, capacity: int
+    ) -> None:
+        self._scratch = scratch
+        self._vertices = vertices
+        self._inverse_size = np.float32(1.0 / size)
+        self._buffers = {
+            name: scratch.allocate(name, n_bytes * capacity) for name, n_bytes in BUFFERS.items()
+        }
+        self._primitives = np.empty(capacity, embree.PRIMITIVE)
+        self._levels: list[tuple[int, int]] = []
+        self._n_blocks = 0
+        built = program.build(
+            scratch.device, "prepare/bvh_build.cl", Features(point_radii=point_radii)
+        )
+        names = ("bound_segments", "summarise", "place_blocks", "fill_blocks")
+        self._bound, self._summarise, self._place, self._fill = (
+            cl.Kernel(built, name) for name in names
+        )
+
+    def plan(self, segments: NDArray[np.uint32]) -> Root:
+        """Build the binary tree of some segments and choose how to make blocks of it.
+
+        Parameters
+        ----------
+        segments : (n,) uint32, 1 <= n <= capacity      their first vertices
+
+        Raises
+        ------
+        BvhError        if Embree cannot be used or fails
+        """
+        tree = self._binary_tree(segments)
+        ends = np.cumsum(np.bincount(tree.heights)).tolist()
+        self._levels = list(itertools.pairwise(ends))
+        self._copy("nodes", tree.nodes)
+        self._copy("by height", np.argsort(tree.heights, kind="stable").astype(np.uint32))
+        places = np.full((len(tree.nodes), 2), NOWHERE, np.uint32)
+        places[0] = 0, 1
+        self._copy("places", places)
+        for begin, end in self._levels:
+            self._run(
+                self._summarise, end - begin, np.uint32(begin), np.uint32(end),
+                *self._some("by height", "nodes", "leaves"), self._vertices, self._inverse_size,
+                *self._some("summaries", "boxes, then costs", "choices"),
+            )  # fmt: skip
+        root = self._scratch.read(self._buffers["summaries"], (2, 4))
+        self._n_blocks, stack_size = (int(n) for n in root[:, 3].view(np.uint32))
+        return Root(self._n_blocks, stack_size, root[:, :3].copy())
+
+    def write(self, blocks: cl.Buffer, first_block: int) -> None:
+        """Write the blocks that were planned last; starts the work and does not wait.
+
+        Parameters
+        ----------
+        blocks : cl.Buffer      (at least first_block + n_blocks, 32) uint32
+        """
+        first = np.uint32(first_block)
+        for begin, end in reversed(self._levels):
+            self._run(
+                self._place, end - begin, np.uint32(begin), np.uint32(end),
+                *self._some("by height", "nodes", "leaves", "summaries", "choices"), first,
+                *self._some("places"), blocks,
+            )  # fmt: skip
+        self._run(
+            self._fill, self._n_blocks, np.uint32(self._n_blocks), first, blocks,
+            *self._some("nodes", "leaves", "summaries"), self._vertices, self._inverse_size,
+        )  # fmt: skip
+
+    def _binary_tree(self, segments) -> embree.BinaryTree:
+        """Embree's tree; what its leaves are goes to the buffer "leaves"."""
+        n = len(segments)
+        self._copy("segments", segments)
+        self._run(
+            self._bound, n, np.uint32(n),
+            *self._some("segments"), self._vertices, *self._some("boxes, then costs"),
+        )  # fmt: skip
+        primitives = self._primitives[:n]
+        cl.enqueue_copy(self._scratch.device.queue, primitives, self._buffers["boxes, then costs"])
+        tree = embree.build_binary_tree(primitives)
+        self._copy("leaves", primitives["primitive"].copy())
+        return tree
+
+    def _some(self, *names: str) -> list[cl.Buffer]:
+        return [self._buffers[name] for name in names]
+
+    def _copy(self, name: str, array: NDArray) -> None:
+        cl.enqueue_copy(self._scratch.device.queue, self._buffers[name], array, is_blocking=True)
+
+    def _run(self, kernel: cl.Kernel, n: int, *arguments) -> None:
+        kernel(self._scratch.device.queue, *grid(n), *arguments)

@@ -1,0 +1,177 @@
+"""A large groom cut into chunks of neighbours, and the top of the tree over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl.device.layout import BVH_BLOCK_WORDS
+from furcl.groom.curves import Curves
+
+BOXES = 1 << 16
+GRID_MARGIN = 1.0 / 64.0  # as in kernels/include/bvh/write_block.clh
+
+SAMPLES_PER_CHUNK = 1 << 12
+AT_ONCE = 1 << 18
+NO_CHUNK = 0xFFFF  # of the last points of strands, where no segment begins
+GOLDEN = 0.6180339887498949
+
+
+class Partition:
+    """The segments of a groom in chunks of nearly the same size, neighbours together.
+
+    Chunks are told apart by planes: medians, across the longest axis, of the midpoints of a sample
+    of some thousand segments a chunk, spread evenly over the groom. Their order is that of the tree
+    of planes, as `top_lanes` expects. Segments that no plane parts stay together.
+
+    Parameters
+    ----------
+    curves : Curves
+    n_chunks : int      1 .. 65535
+    """
+
+    def __init__(self, curves: Curves, n_chunks: int) -> None:
+        tree = _planes(_sampled_midpoints(curves, n_chunks * SAMPLES_PER_CHUNK), n_chunks, 0)
+        self._chunk_at = np.empty(curves.n_points, np.uint16)
+        for begin in range(0, curves.n_points - 1, AT_ONCE):
+            points = curves.points[begin : begin + AT_ONCE + 1].T
+            doubled = points[:, :-1] + points[:, 1:]
+            part = self._chunk_at[begin : begin + AT_ONCE]
+            _assign(tree, doubled, np.arange(doubled.shape[1]), part)
+        self._chunk_at[curves.offsets[1:] - 1] = NO_CHUNK
+        self._sizes = np.bincount(self._chunk_at, minlength=NO_CHUNK)[:NO_CHUNK]
+
+    @property
+    def sizes(self) -> list[int]:
+        """Segments of each chunk; none is empty."""
+        return self._sizes[self._sizes > 0].tolist()
+
+    def __iter__(self) -> Iterator[NDArray[np.uint32]]:
+        """First vertices of the segments of each chunk."""
+        for chunk in np.flatnonzero(self._sizes):
+            yield np.flatnonzero(self._chunk_at == chunk).astype(np.uint32)
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """Across an axis; on either side a further plane or the number of a chunk."""
+
+    axis: int
+    value: np.float32  # twice the coordinate
+    below: _Plane | int
+    above: _Plane | int
+
+
+def _sampled_midpoints(curves: Curves, n: int) -> NDArray[np.float32]:
+    """Twice the midpoints of n segments, (n, 3)."""
+    vertex = (np.arange(1, n + 1) * GOLDEN % 1.0 * curves.n_points).astype(np.int64)
+    strand_end = curves.offsets[np.searchsorted(curves.offsets, vertex, side="right")]
+    vertex -= vertex == strand_end - 1
+    return curves.points[vertex] + curves.points[vertex + 1]
+
+
+def _planes(doubled: NDArray[np.float32], n_chunks: int, first: int) -> _Plane | int:
+    if n_chunks == 1:
+        return first
+    n_below = n_chunks // 2
+    axis = int(np.argmax(np.ptp(doubled, axis=0)))
+    middle = len(doubled) * n_below // n_chunks
+    order = np.argpartition(doubled[:, axis], middle)
+    return _Plane(
+        axis,
+        doubled[order[middle], axis],
+        _planes(doubled[order[:middle]], n_below, first),
+        _planes(doubled[order[middle:]], n_chunks - n_below, first + n_below),
+    )
+
+
+def _assign(tree: _Plane | int, doubled: NDArray, which: NDArray, chunks: NDArray) -> None:
+    """Write the chunk of the midpoints `which` of doubled (3, n)."""
+    if isinstance(tree, int):
+        chunks[which] = tree
+        return
+    below = doubled[tree.axis][which] < tree.value
+    _assign(tree.below, doubled, which[below], chunks)
+    _assign(tree.above, doubled, which[~below], chunks)
+
+
+def top_lanes(n_chunks: int) -> list[list[tuple[int, int]]]:
+    """The blocks over `n_chunks` chunks: of each the ranges [first, end) of chunks of its lanes.
+
+    Block 0 holds them all; a lane of several chunks is a block further on, in the same order. There
+    are none over a single chunk.
+    """
+    blocks: list[list[tuple[int, int]]] = []
+    todo = [(0, n_chunks)] if n_chunks > 1 else []
+    for begin, end in todo:  # grows while it is walked through
+        lanes = [(begin, end)]
+        for _ in range(3):
+            lanes = [part for lane in lanes for part in _halves(*lane)]
+        blocks.append(lanes)
+        todo += [lane for lane in lanes if lane[1] - lane[0] > 1]
+    return blocks
+
+
+def _halves(begin: int, end: int) -> list[tuple[int, int]]:
+    middle = begin + (end - begin) // 2
+    return [(begin, middle), (middle, end)] if end - begin > 1 else [(begin, end)]
+
+
+def top_blocks(
+    lanes: list[list[tuple[int, int]]],
+    boxes: NDArray[np.float32],
+    first_blocks: Sequence[int],
+    stack_sizes: Sequence[int],
+) -> tuple[NDArray[np.uint32], int]:
+    """Write the blocks over chunks.
+
+    Parameters
+    ----------
+    lanes : list                        what top_lanes returns for n chunks
+    boxes : (n, 2, 3) float32           corners of the chunks
+    first_blocks : (n,)                 the root of each chunk
+    stack_sizes : (n,)                  stack entries that a traversal of each can need
+
+    Returns
+    -------
+    blocks : (len(lanes), 32) uint32    see kernels/include/bvh/block.clh
+    stack_size : int                    stack entries that a traversal of the whole tree can need
+    """
+    place = {(block[0][0], block[-1][1]): i for i, block in enumerate(lanes)}
+    blocks = np.zeros((len(lanes), BVH_BLOCK_WORDS), np.uint32)
+    stacks = np.zeros(len(lanes), np.int64)
+    for i in reversed(range(len(lanes))):
+        children = lanes[i]
+        lower = np.array([boxes[a:b, 0].min(axis=0) for a, b in children])
+        upper = np.array([boxes[a:b, 1].max(axis=0) for a, b in children])
+        _write_boxes(blocks[i], lower.astype(np.float64), upper.astype(np.float64))
+        below = []
+        for lane, (a, b) in enumerate(children):
+            single = b - a == 1
+            blocks[i, 24 + lane] = first_blocks[a] if single else place[a, b]
+            below.append(stack_sizes[a] if single else stacks[place[a, b]])
+        stacks[i] = len(children) - 1 + max(below)
+    return blocks, int(stacks[0])
+
+
+def _write_boxes(block, lower, upper) -> None:
+    """Grid and faces of boxes (k, 3) float64, with room for rounding."""
+    floats, rows = block.view(np.float32), block.view(np.uint8)
+    low, high = lower.min(axis=0), upper.max(axis=0)
+    margin = (high - low) / 255.0 * (2.0 * GRID_MARGIN)
+    floats[:3] = np.nextafter((low - margin).astype(np.float32), np.float32(-np.inf))
+    origin = floats[:3].astype(np.float64)
+    step = (high - origin) / (255.0 - 4.0 * GRID_MARGIN)
+    floats[4:7] = np.maximum(np.nextafter(step.astype(np.float32), np.float32(np.inf)), 1e-30)
+    step = floats[4:7].astype(np.float64)
+    for lane in range(len(lower)):
+        rows[32 + lane : 80 : 16] = np.maximum(
+            np.floor((lower[lane] - origin) / step - GRID_MARGIN), 0.0
+        )
+        rows[40 + lane : 80 : 16] = np.minimum(
+            np.ceil((upper[lane] - origin) / step + GRID_MARGIN), 255.0
+        )
+    block[22] = (1 << len(lower)) - 1 | BOXES

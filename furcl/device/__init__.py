@@ -1,0 +1,1 @@
+"""OpenCL: devices, programs, memory and what crosses to kernels."""

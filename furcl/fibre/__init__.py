@@ -1,0 +1,1 @@
+"""Fibre scattering models, samplers of the offset h, and materials made of them."""

@@ -1,0 +1,1 @@
+"""The double cylinder: cuticle, cortex and a scattering medulla."""

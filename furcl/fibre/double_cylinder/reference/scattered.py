@@ -1,0 +1,122 @@
+"""Look-ups in the medulla's scattering profiles.
+
+Azimuth: nodes over cos(theta_t), uniform from 1 down to sqrt(1 - 1/eta^2), and over the offset in
+the medulla, h_j = sin(pi/2 j/(n-1)); linear in cos(theta_t) and in asin(h) between them, constant
+in each bin of phi over [-pi, pi). Longitudinal: nodes over |theta_i| uniform 0..pi/2, a back (phi =
+0) and a front (phi = pi) row each, constant in each bin of s over [-1, 1].
+"""
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.reference.angles import wrap
+
+Array = NDArray[np.float64]
+
+
+class Azimuth(Protocol):
+    """Azimuthal profile.
+
+    density (T, H, P) per radian, integral 1; absorption (T, H, P, 3 or 1), mean transmittance of a
+    bin, or None for 1.
+    """
+
+    @property
+    def density(self) -> NDArray[np.floating]: ...
+    @property
+    def absorption(self) -> NDArray[np.floating] | None: ...
+
+
+class Longitudinal(Protocol):
+    """Longitudinal profile: density (Theta, 2, S) per unit of s, integral 1."""
+
+    @property
+    def density(self) -> NDArray[np.floating]: ...
+
+
+class Profiles(Protocol):
+    """Profiles of one medulla.
+
+    escape (T, H, 3 or 1) is the integral of density times absorption, or None for 1.
+    """
+
+    @property
+    def azimuth(self) -> Azimuth: ...
+    @property
+    def longitudinal(self) -> Longitudinal: ...
+    @property
+    def escape(self) -> NDArray[np.floating] | None: ...
+
+
+def _neighbours(coordinate: Array, nodes: int) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+    """(weight, index) of the two nodes around a coordinate in 0..nodes-1."""
+    x = np.clip(coordinate, 0.0, nodes - 1.0)
+    low = np.minimum(x.astype(np.intp), nodes - 2)
+    yield 1.0 - (x - low), low
+    yield x - low, low + 1
+
+
+def _bilinear(fibre: Fibre, table: NDArray[np.floating], cos_theta_t: Array, h_t: Array):
+    """(weight, i, j) of the four rows around (cos_theta_t, |h_t| / kappa)."""
+    n_tau, n_h = table.shape[:2]
+    lowest = np.sqrt((fibre.eta - 1.0) * (fibre.eta + 1.0)) / fibre.eta
+    tau = (1.0 - cos_theta_t) / (1.0 - lowest) * (n_tau - 1)
+    offset = np.arcsin(np.minimum(np.abs(h_t) / fibre.kappa, 1.0)) / (np.pi / 2) * (n_h - 1)
+    for w_i, i in _neighbours(tau, n_tau):
+        for w_j, j in _neighbours(offset, n_h):
+            yield w_i * w_j, i, j
+
+
+def escape(fibre: Fibre, profiles: Profiles, cos_theta_t: Array, h_t: Array) -> Array:
+    """Fraction (..., 3) of the scattered light that the medulla does not absorb."""
+    if profiles.escape is None:
+        return np.ones((*np.shape(h_t), 3))
+    total = np.zeros((*np.shape(h_t), 3))
+    for w, i, j in _bilinear(fibre, profiles.escape, cos_theta_t, h_t):
+        total += w[..., None] * profiles.escape[i, j]
+    return total
+
+
+def azimuthal(
+    fibre: Fibre, profiles: Profiles, cos_theta_t: Array, h_t: Array, phi_q: Array
+) -> tuple[Array, Array]:
+    """Density Dhat (...) [1/rad] at phi_q for offset h_t, and (..., 3) the same carrying the
+    medulla's absorption.
+
+    phi_q counts from the ray's own direction of arrival; a negative offset is the mirror image of a
+    positive one. The second is interpolated as a product, so that its integral over phi_q is
+    `escape` exactly.
+    """
+    table, carried = profiles.azimuth.density, profiles.azimuth.absorption
+    n_phi = table.shape[2]
+    phi = wrap(np.where(h_t < 0.0, -phi_q, phi_q))
+    bins = ((phi + np.pi) / (2.0 * np.pi) * n_phi).astype(np.intp) % n_phi
+    density = np.zeros(np.shape(bins))
+    energy = np.zeros((*np.shape(bins), 3))
+    for w, i, j in _bilinear(fibre, table, cos_theta_t, h_t):
+        row = w * table[i, j, bins]
+        density += row
+        energy += row[..., None] * (1.0 if carried is None else carried[i, j, bins])
+    return density, energy
+
+
+def longitudinal(fibre: Fibre, profiles: Profiles, theta_i: Array, s_o: Array, phi: Array) -> Array:
+    """Density M^s (...) per unit of s, integral 1 over [-1, 1].
+
+    The back and front rows are blended linearly in the outer azimuth |phi|/pi. Only the in-angle is
+    shifted by the tilt: shifting the out-angle as well would not preserve s, and so lose energy.
+    """
+    table = profiles.longitudinal.density
+    n_theta, _, n_s = table.shape
+    theta = theta_i - fibre.tilt
+    s = np.where(theta < 0.0, -s_o, s_o)
+    bins = np.clip(((s + 1.0) * 0.5 * n_s).astype(np.intp), 0, n_s - 1)
+    front = np.abs(wrap(phi)) / np.pi
+    total = np.zeros(np.shape(bins))
+    for w, i in _neighbours(np.abs(theta) / (np.pi / 2) * (n_theta - 1), n_theta):
+        total += w * ((1.0 - front) * table[i, 0, bins] + front * table[i, 1, bins])
+    return total

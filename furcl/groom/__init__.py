@@ -1,0 +1,1 @@
+"""Strands: curves, groom files and procedural growth."""

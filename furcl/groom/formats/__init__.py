@@ -1,0 +1,96 @@
+"""Reading and writing grooms: .hair and .npz."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from furcl.errors import GroomError
+from furcl.files import atomic_path
+from furcl.groom.curves import Curves
+from furcl.groom.formats.npz import read_npz, write_npz
+from furcl.groom.formats.yuksel_hair import read_hair, write_hair
+
+READERS = {".hair": read_hair, ".npz": read_npz}
+WRITERS = {".hair": write_hair, ".npz": write_npz}
+
+
+def load_curves(
+    path: str | os.PathLike[str],
+    default_radius: float | None = None,
+    radius_scale: float = 1.0,
+) -> Curves:
+    """Read a groom from a .hair or .npz file.
+
+    Parameters
+    ----------
+    path : path                  its suffix says the format
+    default_radius : float       radius [units of the file] where the file holds none, > 0
+    radius_scale : float         factor on every radius, > 0
+
+    Returns
+    -------
+    Curves                       in the units and the axes of the file
+
+    Raises
+    ------
+    GroomError                   a file that cannot be read or used: names the file, the byte
+                                 offset or strand, what is allowed and a remedy
+    """
+    path = Path(path)
+    for name, value in (("default_radius", default_radius), ("radius_scale", radius_scale)):
+        if value is not None and not 0.0 < value < float("inf"):
+            raise GroomError(
+                f"{path}: {name} = {value:g}; it must be positive and finite. Correct it."
+            )
+    read = READERS[_suffix(path, READERS)]
+    try:
+        curves = read(path, default_radius)
+    except OSError as error:
+        raise GroomError(
+            f"{path}: cannot be read: {error.strerror or error}. Check the path and its rights."
+        ) from error
+    if radius_scale == 1.0:
+        return curves
+    with np.errstate(over="ignore", under="ignore"):
+        radii = curves.radii * np.float32(radius_scale)
+    return Curves.from_arrays(
+        curves.points,
+        radii,
+        curves.offsets,
+        source=f"{path} (radius_scale = {radius_scale:g})",
+        colours=curves.colours,
+        dropped=curves.dropped,
+    )
+
+
+def save_curves(curves: Curves, path: str | os.PathLike[str]) -> None:
+    """Write a groom to a .hair or .npz file; the file appears whole or not at all.
+
+    Reading it again gives the same points, radii, offsets and colours, bit for bit.
+
+    Raises
+    ------
+    GroomError                   an unknown suffix, a strand too long for the format, or a folder
+                                 that cannot be written
+    """
+    path = Path(path)
+    write = WRITERS[_suffix(path, WRITERS)]
+    try:
+        with atomic_path(path) as temporary, temporary.open("xb") as file:
+            write(curves, file, path)
+    except OSError as error:
+        raise GroomError(
+            f"{path}: cannot be written: {error.strerror or error}. Check the folder, its rights "
+            "and the space left."
+        ) from error
+
+
+def _suffix(path, known):
+    suffix = path.suffix.lower()
+    if suffix not in known:
+        raise GroomError(
+            f"{path}: the suffix {suffix!r} is no groom format that furcl knows "
+            f"({', '.join(sorted(known))}). Convert the groom or rename the file."
+        )
+    return suffix

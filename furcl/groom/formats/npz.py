@@ -1,0 +1,143 @@
+"""Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, colours."""
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy
+
+from furcl.errors import GroomError
+from furcl.groom.curves import Curves
+
+# deflate cannot pack tighter, so a member that claims more is lying.
+MAX_DEFLATE_RATIO = 1032
+
+
+def read_npz(path: Path, default_radius: float | None = None) -> Curves:
+    """Read an .npz groom. Members with other names are ignored; nothing is ever unpickled.
+
+    points (N, 3); radii (N,) or a scalar, also under the name radius; offsets (S + 1,) or
+    counts (S,), any integers; colours (N, 3), optional. The size of an array that its header
+    claims is compared with the file before anything is allocated.
+
+    Parameters
+    ----------
+    path : Path                  the file
+    default_radius : float       used where the file has neither radii nor radius
+
+    Raises
+    ------
+    GroomError                   the file's name, the array or strand, and a remedy
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            arrays = {
+                name: _read_member(archive, name, path)
+                for name in ("points", "radii", "radius", "offsets", "counts", "colours")
+                if f"{name}.npy" in archive.namelist()
+            }
+    except (zipfile.BadZipFile, EOFError, NotImplementedError) as error:
+        raise GroomError(
+            f"{path}: not a whole .npz (zip) file: {error}. It is truncated or of another format; "
+            "fetch or write it again with numpy.savez."
+        ) from error
+    if "points" not in arrays:
+        raise GroomError(
+            f"{path}: no array 'points'; expected points (N, 3), radii (N,) or scalar, and "
+            "offsets (S+1,) or counts (S,). Save them under these names with numpy.savez."
+        )
+    return Curves.from_arrays(
+        arrays["points"],
+        _radii(arrays, default_radius, path),
+        _offsets(arrays, path),
+        source=str(path),
+        colours=arrays.get("colours"),
+    )
+
+
+def write_npz(curves: Curves, file: BinaryIO, path: Path) -> None:
+    """Write points, radii, offsets and, if there are any, colours to an open binary file."""
+    arrays = {"points": curves.points, "radii": curves.radii, "offsets": curves.offsets}
+    if curves.colours is not None:
+        arrays["colours"] = curves.colours
+    np.savez(file, allow_pickle=False, **arrays)
+
+
+def _read_member(archive, name, path):
+    info = archive.getinfo(f"{name}.npy")
+    if info.file_size > MAX_DEFLATE_RATIO * info.compress_size + 1024:
+        raise GroomError(
+            f"{path}: array '{name}' claims {info.file_size} bytes but holds {info.compress_size} "
+            "packed ones; the file is damaged, write it again."
+        )
+    try:
+        with archive.open(info) as file:
+            shape, dtype = _read_header(file)
+            claimed = int(np.prod(shape, dtype=object)) * dtype.itemsize + file.tell()
+        if claimed != info.file_size:
+            raise GroomError(
+                f"{path}: array '{name}' of shape {shape} and type {dtype} claims {claimed} bytes; "
+                f"{info.file_size} are there. The file is damaged, write it again."
+            )
+        with archive.open(info) as file:
+            return npy.read_array(file, allow_pickle=False)
+    except (ValueError, RuntimeError, zlib.error) as error:
+        raise GroomError(
+            f"{path}: array '{name}' cannot be read: {error}. Save it as plain numbers."
+        ) from error
+
+
+def _read_header(file):
+    version = npy.read_magic(file)
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read(file)
+    if dtype.hasobject:
+        raise ValueError("it holds Python objects, which are never loaded")
+    return shape, dtype
+
+
+def _radii(arrays, default_radius, path):
+    radii = arrays.get("radii", arrays.get("radius", default_radius))
+    if radii is None:
+        raise GroomError(
+            f"{path}: no array 'radii' or 'radius'; one radius per point or a scalar is needed. "
+            "Add it, or give the radius of the strands: default_radius = R, in the units of the "
+            "file."
+        )
+    return radii
+
+
+def _offsets(arrays, path):
+    if "counts" not in arrays:
+        if "offsets" not in arrays:
+            raise GroomError(
+                f"{path}: neither 'offsets' nor 'counts'; furcl needs to know where strands begin. "
+                "Add counts (S,), the number of points of each strand."
+            )
+        return arrays["offsets"]
+    counts = arrays["counts"]
+    if counts.ndim != 1 or counts.dtype.kind not in "iu":
+        raise GroomError(
+            f"{path}: counts has shape {counts.shape} and type {counts.dtype}; expected a flat "
+            "array of integers, the number of points of each strand."
+        )
+    n_points = len(arrays["points"])
+    if counts.size and not 0 <= int(counts.min()) <= int(counts.max()) <= n_points:
+        raise GroomError(
+            f"{path}: counts run from {counts.min()} to {counts.max()}; each must be between 2 and "
+            f"the number of points, {n_points}. Repair the export."
+        )
+    offsets = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    if offsets[-1] != n_points:
+        raise GroomError(
+            f"{path}: the counts do not add up: they make {offsets[-1]} points, 'points' has "
+            f"{n_points}. Repair the export."
+        )
+    if "offsets" in arrays and not np.array_equal(arrays["offsets"], offsets):
+        raise GroomError(
+            f"{path}: 'offsets' and 'counts' disagree; keep the one that is right and remove the "
+            "other."
+        )
+    return offsets

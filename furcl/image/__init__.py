@@ -1,0 +1,1 @@
+"""Pictures, their files, and differences between them."""

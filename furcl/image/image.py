@@ -1,0 +1,149 @@
+"""Rendered pictures: mean, variance of the mean, statistics, and their files."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl.errors import ImageError
+from furcl.files import atomic_path
+from furcl.image.colour import srgb_encode
+from furcl.image.exr import read_exr, rgb_of, write_exr
+
+SUFFIXES = (".exr", ".png")
+# Statistics that get a header attribute of their own; all of them are in the attribute
+# `furcl:stats`.
+HEADER_KEYS = ("version", "git", "scene", "seed", "spp", "sampling", "device", "driver", "features")
+STATS_ATTRIBUTE = "furcl:stats"
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A picture of linear Rec.709 radiance; shows itself in a notebook.
+
+    Attributes
+    ----------
+    rgb : (H, W, 3) float32         mean of the samples, row 0 on top
+    variance : (H, W, 3) float32    variance of that mean (sample variance over spp), or None if
+                                    unknown
+    stats : dict                    what the render says about itself, JSON values
+    exposure_stops : float          of PNG files and the notebook
+    """
+
+    rgb: NDArray[np.float32]
+    variance: NDArray[np.float32] | None = None
+    stats: dict[str, Any] = field(default_factory=dict)
+    exposure_stops: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
+            raise ImageError(f"rgb has the shape {self.rgb.shape}; expected (H, W, 3)")
+        if self.variance is not None and self.variance.shape != self.rgb.shape:
+            raise ImageError(
+                f"variance has the shape {self.variance.shape}; expected that of rgb, "
+                f"{self.rgb.shape}"
+            )
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return self.rgb.shape[1]
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self.rgb.shape[0]
+
+    @classmethod
+    def load(cls, path: str | Path) -> Image:
+        """Read a picture from an OpenEXR file with channels R, G, B (or Y).
+
+        The variance is read where there is one, and the statistics where furcl wrote the file.
+
+        Raises
+        ------
+        ImageError      no such file, no OpenEXR file, damaged, or without the channels
+        """
+        channels, header = read_exr(path)
+        names = [f"variance.{name}" for name in "RGB"]
+        variance = None
+        if all(name in channels for name in names):
+            variance = np.stack([channels[name] for name in names], axis=2)
+        try:
+            stats = json.loads(header.get(STATS_ATTRIBUTE, "{}"))
+        except (TypeError, ValueError):
+            raise ImageError(
+                f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
+                f"save the picture again"
+            ) from None
+        return cls(rgb_of(channels, path), variance, stats)
+
+    def save(self, path: str | Path) -> None:
+        """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
+        `exposure_stops`).
+
+        The file appears whole or not at all; an older one of that name is kept until then.
+
+        Raises
+        ------
+        ImageError      another suffix, or a folder that cannot be written to
+        """
+        path = Path(path)
+        if path.suffix.lower() not in SUFFIXES:
+            raise ImageError(
+                f"{path}: the suffix {path.suffix!r} names no picture format; use "
+                f"{' or '.join(SUFFIXES)}"
+            )
+        if not path.parent.is_dir():
+            raise ImageError(f"{path}: the folder {path.parent} does not exist; create it first")
+        try:
+            with atomic_path(path) as temporary:
+                if path.suffix.lower() == ".png":
+                    temporary.write_bytes(self.png_bytes())
+                else:
+                    write_exr(temporary, self._channels(), _header(self.stats))
+        except OSError as error:
+            raise ImageError(f"{path}: cannot be written: {error.strerror}") from None
+
+    def png_bytes(self) -> bytes:
+        """The picture as an 8 bit sRGB PNG file; values above 1 after exposure are cut."""
+        from PIL import Image as PillowImage
+
+        linear = self.rgb.astype(np.float64) * 2.0**self.exposure_stops
+        encoded = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
+        stream = io.BytesIO()
+        PillowImage.fromarray(np.rint(encoded * 255.0).astype(np.uint8), "RGB").save(stream, "PNG")
+        return stream.getvalue()
+
+    def _repr_png_(self) -> bytes:
+        return self.png_bytes()
+
+    def _channels(self) -> dict[str, NDArray[np.float32]]:
+        channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
+        if self.variance is not None:
+            channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
+        return channels
+
+
+def _header(stats: Mapping[str, Any]) -> dict[str, Any]:
+    header: dict[str, Any] = {STATS_ATTRIBUTE: json.dumps(stats, default=str, sort_keys=True)}
+    for key in HEADER_KEYS:
+        value = stats.get(key)
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            value = json.dumps(value, default=str, sort_keys=True)
+        if isinstance(value, int) and not -(1 << 31) <= value < 1 << 31:
+            value = str(value)
+        if isinstance(value, float) and not math.isfinite(value):
+            value = str(value)
+        header[f"furcl:{key}"] = value
+    return header

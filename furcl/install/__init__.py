@@ -1,0 +1,1 @@
+"""Finding out why there is no OpenCL device, and installing a CPU runtime."""

@@ -1,0 +1,1 @@
+"""Light from outside the scene."""

@@ -1,0 +1,189 @@
+"""Latitude-longitude light images: lookup and importance sampling.
+
+Row 0 is +z, the last row -z. The middle column is +x and the picture's right half is -y, as one
+sees it from inside (not mirrored); a rotation turns the light from +x towards +y.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl.errors import ImageError
+from furcl.image.colour import luminance
+from furcl.image.exr import read_exr, rgb_of
+from furcl.image.hdr import read_hdr
+
+Array = NDArray[np.float64]
+
+# Every cell keeps this part of its row's mean chance, and at least a step that float32 can hold.
+FLOOR_SHARE = 1e-3
+FLOOR_STEP = 2.0**-22
+
+
+@dataclass(frozen=True, eq=False)
+class LatLong:
+    """An image of the light, bilinear between pixel centres.
+
+    Attributes
+    ----------
+    texels : (H, W, 3) float32
+    marginal : (H,) float32         upper edges of the rows' cumulative chances, last entry 1
+    conditional : (H, W) float32    of the columns' within each row, last entries 1
+    rotation : float                about +z [turns]
+    n_negative : int                pixels with a negative channel, which was set to zero
+
+    Cells are the pixels. A cell's chance goes with the luminance of the bilinear interpolant
+    averaged over it, so it is positive wherever the interpolant is; inside, directions are uniform
+    in solid angle. The density is taken from the differences of the float32 tables, so it is
+    exactly what sampling gives, and no formula divides by sin(theta) at the poles.
+    """
+
+    texels: NDArray[np.float32]
+    marginal: NDArray[np.float32]
+    conditional: NDArray[np.float32]
+    rotation: float
+    n_negative: int
+
+    @classmethod
+    def load(cls, path: str | Path, *, rotation_deg: float = 0.0, scale: float = 1.0) -> LatLong:
+        """Read an .exr or .hdr image; raises ImageError as `make` and the readers do."""
+        if Path(path).suffix.lower() in (".hdr", ".pic"):
+            return cls.make(
+                read_hdr(path), rotation_deg=rotation_deg, scale=scale, source=str(path)
+            )
+        channels, header = read_exr(path)
+        window, whole = (header.get(key) for key in ("dataWindow", "displayWindow"))
+        if window is not None and whole is not None and not np.array_equal(window, whole):
+            raise ImageError(
+                f"{path}: holds only the part {np.array(window).tolist()} of "
+                f"{np.array(whole).tolist()}; "
+                f"save the whole sphere"
+            )
+        rgb = rgb_of(channels, path)
+        return cls.make(rgb, rotation_deg=rotation_deg, scale=scale, source=str(path))
+
+    @classmethod
+    def make(
+        cls,
+        rgb: NDArray[np.float32],
+        *,
+        rotation_deg: float = 0.0,
+        scale: float = 1.0,
+        source: str = "environment",
+    ) -> LatLong:
+        """Check a picture (H, W, 3) and build its tables.
+
+        Raises
+        ------
+        ImageError      NaN or infinite pixels, or an image without any light
+        """
+        bad = ~np.isfinite(rgb)
+        if bad.any():
+            row, column, channel = (int(i) for i in np.argwhere(bad)[0])
+            raise ImageError(
+                f"{source}: {'RGB'[channel]} of the pixel in column {column}, row {row} is "
+                f"{rgb[row, column, channel]} ({int(bad.any(axis=2).sum())} such pixels); "
+                f"repair the image"
+            )
+        n_negative = int((rgb < 0.0).any(axis=2).sum())
+        with np.errstate(over="ignore"):
+            texels = np.maximum(rgb, 0.0).astype(np.float32) * np.float32(scale)
+        if not np.isfinite(texels).all():
+            raise ImageError(
+                f"{source}: times the scale {scale:g} overflows float32; use a smaller scale"
+            )
+        weights = _cell_weights(np.asarray(luminance(texels), np.float64))
+        if not weights.any():
+            raise ImageError(f"{source}: every pixel is black; a light image needs light")
+        height = len(weights)
+        rows = weights.mean(axis=1) * -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1)))
+        return cls(
+            texels=texels,
+            marginal=_cdf(rows[None])[0],
+            conditional=_cdf(weights),
+            rotation=rotation_deg / 360.0,
+            n_negative=n_negative,
+        )
+
+    def radiance(self, dirs: Array) -> Array:
+        """Radiance from unit directions (n, 3), (n, 3) float64."""
+        height, width, _ = self.texels.shape
+        u, v = self._place(dirs)
+        x, y = u * width - 0.5, v * height - 0.5
+        x0, y0 = np.floor(x), np.floor(y)
+        fx, fy = (x - x0)[:, None], (y - y0)[:, None]
+        columns = [np.mod(x0.astype(int) + i, width) for i in (0, 1)]
+        rows = [np.clip(y0.astype(int) + i, 0, height - 1) for i in (0, 1)]
+        texels = self.texels.astype(np.float64)
+        top, bottom = (
+            texels[row, columns[0]] * (1.0 - fx) + texels[row, columns[1]] * fx for row in rows
+        )
+        return top * (1.0 - fy) + bottom * fy
+
+    def pdf(self, dirs: Array) -> Array:
+        """Density of `sample` per solid angle (n,) at unit directions (n, 3)."""
+        height, width, _ = self.texels.shape
+        u, v = self._place(dirs)
+        row = np.minimum((v * height).astype(int), height - 1)
+        column = np.minimum((u * width).astype(int), width - 1)
+        return self._cell_pdf(row, column)
+
+    def sample(self, u: Array) -> tuple[Array, Array]:
+        """Unit directions (n, 3) and their densities (n,) from uniform numbers (n, 2) in [0, 1)."""
+        height, width, _ = self.texels.shape
+        row = np.minimum(np.searchsorted(self.marginal, u[:, 1], side="right"), height - 1)
+        low, high = self._edges(self.marginal[None], 0, row)
+        t_row = (u[:, 1] - low) / (high - low)
+        # One search for all: row r's sums are shifted to r .. r + 1, exactly in float64.
+        steps = (self.conditional + np.arange(height, dtype=np.float64)[:, None]).ravel()
+        column = np.searchsorted(steps, row + u[:, 0], side="right") - row * width
+        column = np.clip(column, 0, width - 1)
+        low, high = self._edges(self.conditional, row, column)
+        t_column = (u[:, 0] - low) / (high - low)
+        top, bottom = (1.0 - np.cos((row + i) * (math.pi / height)) for i in (0, 1))
+        versine = top + t_row * (bottom - top)
+        level = np.sqrt(versine * (2.0 - versine))
+        phi = 2.0 * math.pi * (0.5 + self.rotation - (column + t_column) / width)
+        dirs = np.stack([level * np.cos(phi), level * np.sin(phi), 1.0 - versine], axis=1)
+        return dirs, self._cell_pdf(row, column)
+
+    def _place(self, dirs: Array) -> tuple[Array, Array]:
+        """Picture coordinates: u in [0, 1) from the left, v in [0, 1] from the top."""
+        x, y, z = dirs.T
+        u = 0.5 + self.rotation - np.arctan2(y, x) / (2.0 * math.pi)
+        return u - np.floor(u), np.arctan2(np.hypot(x, y), z) / math.pi
+
+    def _edges(self, cdf: NDArray[np.float32], row, column) -> tuple[Array, Array]:
+        high = cdf[row, column].astype(np.float64)
+        return np.where(column > 0, cdf[row, np.maximum(column - 1, 0)], 0.0), high
+
+    def _cell_pdf(self, row, column) -> Array:
+        height, width, _ = self.texels.shape
+        low, high = self._edges(self.marginal[None], 0, row)
+        left, right = self._edges(self.conditional, row, column)
+        band = np.cos(row * (math.pi / height)) - np.cos((row + 1) * (math.pi / height))
+        return (high - low) * (right - left) / (band * (2.0 * math.pi / width))
+
+
+def _cell_weights(values: Array) -> Array:
+    """Mean over each cell of the bilinear interpolant of (H, W): 1/8, 3/4, 1/8 on both axes."""
+    across = 0.75 * values + 0.125 * (np.roll(values, 1, axis=1) + np.roll(values, -1, axis=1))
+    above = np.concatenate([across[:1], across[:-1]])
+    below = np.concatenate([across[1:], across[-1:]])
+    return 0.75 * across + 0.125 * (above + below)
+
+
+def _cdf(weights: Array) -> NDArray[np.float32]:
+    """Cumulative chances along the last axis (.., n) in float32, rising at every entry."""
+    n = weights.shape[1]
+    total = weights.sum(axis=1, keepdims=True)
+    share = np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), 1.0 / n)
+    share = share + max(FLOOR_SHARE / n, FLOOR_STEP)
+    cdf = np.cumsum(share / share.sum(axis=1, keepdims=True), axis=1).astype(np.float32)
+    cdf[:, -1] = 1.0
+    return cdf

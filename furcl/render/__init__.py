@@ -1,0 +1,1 @@
+"""The wavefront: from a scene to a picture."""

@@ -1,0 +1,87 @@
+"""The film: running mean and variance of every pixel, on the device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from furcl.device.features import Features
+from furcl.device.memory import Memory, fill
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Sums of a picture on the device; their meaning is in kernels/stages/film.cl.
+
+    Attributes
+    ----------
+    width, height : int     [pixels]
+    sums : Buffer           float32, (height, width, 4 or, without variance, 2, channels)
+    n_samples : Buffer      uint32 samples added to each pixel
+    nonfinite : Buffer      one uint32: samples that were NaN or infinite
+    """
+
+    width: int
+    height: int
+    features: Features
+    sums: cl.Buffer
+    n_samples: cl.Buffer
+    nonfinite: cl.Buffer
+
+    @staticmethod
+    def allocate(memory: Memory, width: int, height: int, features: Features) -> Film:
+        """An empty film.
+
+        Raises
+        ------
+        ResourceError   if the device allows no buffer of that size
+        """
+        n_pixels = width * height
+        n_sums = features.channels * (4 if features.variance else 2)
+        return Film(
+            width,
+            height,
+            features,
+            memory.allocate("film", 4 * n_sums * n_pixels, zero=True),
+            memory.allocate("film samples", 4 * n_pixels, zero=True),
+            memory.allocate("nonfinite", 16, zero=True),
+        )
+
+    def clear(self, queue: cl.CommandQueue) -> None:
+        """Take all samples back out."""
+        for buffer in (self.sums, self.n_samples, self.nonfinite):
+            fill(queue, buffer, 0, buffer.size)
+
+    def read(self, memory: Memory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mean radiance, variance of that mean and samples of every pixel.
+
+        Returns
+        -------
+        mean, variance : (height, width, 3) float32     variance is that of the mean: sample
+            variance / samples; NaN where a pixel has fewer than two samples or none is kept
+        samples : (height, width) uint32
+        """
+        per_pixel = 4 if self.features.variance else 2
+        shape = (self.height, self.width, per_pixel, self.features.channels)
+        sums = np.moveaxis(memory.read(self.sums, shape).astype(np.float64), 2, 0)
+        samples = memory.read(self.n_samples, (self.height, self.width), np.uint32)
+        n = samples[..., None].astype(np.float64)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = (sums[0] - sums[1]) / n
+            variance = np.full_like(mean, np.nan)
+            if self.features.variance:
+                squares = sums[2] - sums[3]
+                variance = np.where(n > 1, squares / (n * (n - 1)), np.nan)
+        return _rgb(mean), _rgb(variance), samples
+
+    def read_nonfinite(self, memory: Memory) -> int:
+        """Samples so far that were NaN or infinite."""
+        return int(memory.read(self.nonfinite, 1, np.uint32)[0])
+
+
+def _rgb(values: np.ndarray) -> np.ndarray:
+    """(H, W, channels) to (H, W, 3) float32; one channel is grey."""
+    spread = np.broadcast_to(values, (*values.shape[:2], 3))
+    return np.ascontiguousarray(spread, np.float32)

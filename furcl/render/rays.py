@@ -1,0 +1,146 @@
+"""Rays through a tree on a device: builds and launches of kernels, and plain arrays of rays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+from furcl.bvh.build import build_bvh
+from furcl.device import index_checks, launch, program
+from furcl.device.choice import Device
+from furcl.device.features import Features
+from furcl.device.layout import BVH_BLOCK_WORDS, NO_SEGMENT
+from furcl.device.memory import Memory
+from furcl.groom.curves import Curves
+
+# Rays that a work-item takes, those of them under way at a time, work-items in a group:
+# docs/performance.md tells what other numbers give.
+_CPU = (128, 32, 1)
+_GPU = (1, 1, 64)
+
+
+def defines(device: Device) -> dict[str, int]:
+    """What kernels/stages/intersect.cl is built with, for a device."""
+    per_item, in_flight, _ = _CPU if device.is_cpu else _GPU
+    return {"FURCL_RAYS_PER_ITEM": per_item, "FURCL_RAYS_IN_FLIGHT": in_flight}
+
+
+def launch_size(device: Device, n_rays: int) -> tuple[tuple[int], tuple[int]]:
+    """Global and local size of a launch of kernels/stages/intersect.cl over `n_rays` rays."""
+    per_item, _, local = _CPU if device.is_cpu else _GPU
+    return launch.grid(n_rays, per_item, local)
+
+
+def no_geometry(memory: Memory) -> list[cl.Buffer | np.uint32]:
+    """In place of `Bvh.arguments`, for launches over nothing: kernels need every argument."""
+    nothing = memory.upload("no geometry", np.zeros(0, np.uint32))
+    return [nothing, nothing, nothing, np.uint32(0), np.uint32(0)]
+
+
+def watch(
+    checks: index_checks.IndexChecks, geometry: list[cl.Buffer | np.uint32], n_vertices: int
+) -> None:
+    """Watch the indices of a tree: its record is behind the strand offsets."""
+    blocks, _, offsets = (x for x in geometry if isinstance(x, cl.Buffer))
+    n_blocks = (blocks.size - index_checks.RECORD_BYTES) // (4 * BVH_BLOCK_WORDS) - 1
+    checks.watch(offsets, n_vertices=n_vertices, n_blocks=n_blocks)
+
+
+class Rays:
+    """Rays that stay on the device while they are traced, once or many times.
+
+    Parameters
+    ----------
+    origins : (n, 3) float32
+    directions : (n, 3) float32         unit length
+    t_max : (n,) float32 or scalar      largest distance of a hit
+    skip_segment : (n,) uint32 or None  segment that the ray leaves (its first vertex), NO_SEGMENT
+    skip_distance : (n,) float32        nearer hits on the strand of skip_segment are ignored
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        origins: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        t_max: NDArray[np.float32] | float = np.inf,
+        skip_segment: NDArray[np.uint32] | None = None,
+        skip_distance: NDArray[np.float32] | float = 0.0,
+    ) -> None:
+        self.n = len(origins)
+        packed = np.empty((2, self.n, 4), np.float32)
+        packed[0, :, :3], packed[0, :, 3] = origins, skip_distance
+        packed[1, :, :3], packed[1, :, 3] = directions, t_max
+        skip = np.full(self.n, NO_SEGMENT) if skip_segment is None else skip_segment
+        self.inputs = [
+            memory.upload("ray origins", packed[0]),
+            memory.upload("ray directions", packed[1]),
+            memory.upload("ray segments", np.asarray(skip, np.uint32)),
+        ]
+        names = ("hit t", "hit segment", "hit u")
+        self.outputs = [memory.allocate(name, 4 * self.n) for name in names]
+
+
+class Tracer:
+    """A groom's tree on a device, and the kernels that send plain arrays of rays through it.
+
+    Parameters
+    ----------
+    point_radii : bool      False where all points have one radius; then it is stored once
+
+    Attributes
+    ----------
+    bvh : Bvh               the tree, built here
+
+    Raises
+    ------
+    KernelBuildError    if the kernels do not compile
+    BvhError            as build_bvh
+    ResourceError       if the tree does not fit the device
+    """
+
+    def __init__(self, device: Device, curves: Curves, point_radii: bool = True) -> None:
+        self.device = device
+        self.memory = Memory(device)
+        self.bvh = build_bvh(self.memory, curves, point_radii)
+        self.geometry = self.bvh.arguments()
+        features = Features(point_radii=point_radii)
+        built = program.build(device, "stages/intersect.cl", features, defines(device))
+        self._closest = cl.Kernel(built, "trace_rays")
+        self._shadow = cl.Kernel(built, "trace_shadow_rays")
+
+    def closest(self, rays: Rays) -> cl.Event:
+        """Start the search for nearest hits; `hits` reads them."""
+        return self._closest(
+            self.device.queue,
+            *launch_size(self.device, rays.n),
+            np.uint32(rays.n),
+            *rays.inputs,
+            *rays.outputs,
+            *self.geometry,
+        )
+
+    def shadow(self, rays: Rays) -> cl.Event:
+        """Start the search for any hits; `occluded` reads them."""
+        return self._shadow(
+            self.device.queue,
+            *launch_size(self.device, rays.n),
+            np.uint32(rays.n),
+            *rays.inputs,
+            rays.outputs[1],
+            *self.geometry,
+        )
+
+    def hits(self, rays: Rays) -> tuple[NDArray, NDArray, NDArray]:
+        """What `closest` found: t (n,) float32, segment (n,) uint32, u (n,) float32.
+
+        segment is the segment's first vertex; of a miss NO_SEGMENT, and t is the ray's t_max.
+        """
+        t, segment, u = rays.outputs
+        read = self.memory.read
+        return read(t, rays.n), read(segment, rays.n, np.uint32), read(u, rays.n)
+
+    def occluded(self, rays: Rays) -> NDArray[np.bool_]:
+        """What `shadow` found, (n,)."""
+        return self.memory.read(rays.outputs[1], rays.n, np.uint32).astype(bool)

@@ -1,0 +1,290 @@
+"""The stages as kernel launches: one method a stage, in the order in which a wave meets them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+import pyopencl as cl
+
+from furcl.device import layout, program, queue_launch
+from furcl.device.choice import Device
+from furcl.device.features import Features
+from furcl.device.index_checks import RECORD_BYTES, IndexChecks
+from furcl.device.launch import LOCAL_SIZE, grid
+from furcl.device.memory import Memory, fill
+from furcl.fibre.material import Material
+from furcl.render import rays
+from furcl.render.film import Film
+
+STAGES = {
+    "generate": "stages/generate.cl",
+    "intersect_closest": "stages/intersect.cl",
+    "shade_escaped": "stages/shade.cl",
+    "sample_lobe_h": "stages/sample_lobe_h.cl",
+    "shade": "stages/shade.cl",
+    "intersect_shadow": "stages/intersect.cl",
+    "add_to_film": "stages/film.cl",
+}
+RAY_STAGES = ("intersect_closest", "intersect_shadow")
+QUEUE_STAGES = ("shade_escaped", "sample_lobe_h", "shade")
+
+
+class Stage:
+    """A kernel that is given only those arguments that changed since its last launch.
+
+    Setting all arguments of a stage takes longer than launching it.
+    """
+
+    def __init__(self, kernel: cl.Kernel) -> None:
+        self._kernel = kernel
+        self._bound: list[object] = [None] * kernel.num_args
+
+    def launch(
+        self, queue: cl.CommandQueue, size: tuple[int], local: tuple[int], *arguments
+    ) -> cl.Event:
+        """Start the kernel; arguments are told apart by identity, so none may be changed."""
+        for i, argument in enumerate(arguments):
+            if argument is not self._bound[i]:
+                self._kernel.set_arg(i, argument)
+                self._bound[i] = argument
+        return cl.enqueue_nd_range_kernel(queue, self._kernel, size, local)
+
+
+class QueueLengths:
+    """Queue lengths on their way to the host."""
+
+    def __init__(self, queue: cl.CommandQueue, buffer: cl.Buffer) -> None:
+        self._counts = np.empty(layout.N_COUNTS, np.uint32)
+        self._event = cl.enqueue_copy(queue, self._counts, buffer, is_blocking=False)
+        queue.flush()
+
+    def wait(self) -> np.ndarray:
+        """The lengths (layout.COUNT_*), (N_COUNTS,) uint32."""
+        self._event.wait()
+        return self._counts
+
+
+class Wavefront:
+    """Path state, queues and the kernels that work on them.
+
+    Building one compiles the kernels and needs no tree; `place` gives it one.
+
+    Parameters
+    ----------
+    environment : Buffer            of furcl.device.index_checks.upload
+    camera, body : structs of layout.STRUCTS
+    n_vertices : int                of the groom, for the index checks
+    n_slots : int                   paths that can be traced together, at least
+
+    Raises
+    ------
+    KernelBuildError    if a stage does not compile
+    ResourceError       if the state does not fit the device
+    KernelIndexError    from every stage of a debug build that uses an index outside its buffer
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        features: Features,
+        material: Material,
+        environment: cl.Buffer,
+        camera: np.ndarray,
+        body: np.ndarray,
+        film: Film,
+        n_vertices: int,
+        n_slots: int,
+    ) -> None:
+        device: Device = memory.device
+        self.queue = device.queue
+        self.memory = memory
+        self.features = features
+        self.material = material
+        self.environment = environment
+        self.camera = camera
+        self.body = body
+        self.film = film
+        n_slots = layout.whole_blocks(n_slots)
+        self.n_slots = np.uint32(n_slots)
+        self.events: dict[str, list[cl.Event]] = defaultdict(list)
+        self.keep_events = False
+        extra: dict[str, dict[str, int]] = {
+            **dict.fromkeys(RAY_STAGES, rays.defines(device)),
+            **dict.fromkeys(QUEUE_STAGES, queue_launch.defines(device)),
+        }
+        self._stages = {
+            stage: Stage(cl.Kernel(program.build(device, file, features, extra.get(stage)), stage))
+            for stage, file in STAGES.items()
+            if stage != "intersect_shadow" or features.light_sampling
+        }
+        n_planes = len(layout.planes(features))
+        self.checks = IndexChecks(self.queue, features)
+        self.n_vertices = n_vertices
+        record = RECORD_BYTES if features.debug else 0
+        self.state = memory.allocate("path state", 4 * n_planes * n_slots + record)
+        self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.sums.size // 4)
+        for buffer in (material.table_buffer, material.profile_buffer, environment):
+            self.checks.watch(buffer)
+        self.active, self.next, self.hits, self.misses, self.shadows = (
+            memory.allocate(f"queue {name}", 4 * n_slots)
+            for name in ("active", "next", "hits", "misses", "shadows")
+        )
+        # Lengths of the active queue (of the bounce before) and of the queues being filled.
+        self.active_counts, self.counts = (
+            memory.allocate(f"queue lengths {name}", 4 * layout.N_COUNTS) for name in ("in", "out")
+        )
+        self.lobe_counts = memory.allocate("lobe counts", 4 * 8, zero=True)
+        self.geometry = rays.no_geometry(memory)
+        self.vertices = self.geometry[1]
+        self._warm_up()
+
+    def place(self, geometry: list[cl.Buffer | np.uint32]) -> None:
+        """Set the tree that rays are sent through: what furcl.bvh.build.Bvh.arguments returns."""
+        self.geometry = geometry
+        self.vertices = geometry[1]
+        rays.watch(self.checks, geometry, self.n_vertices)
+
+    def _warm_up(self) -> None:
+        """Launch every stage over nothing, in the two grid sizes that runtimes compile for.
+
+        CPU runtimes finish compiling a kernel when it is first launched; done here, that time
+        does not count as rendering.
+        """
+        wave = np.zeros((), layout.struct_dtype("Wave"))
+        wave["width"] = wave["height"] = wave["n_slots"] = 1
+        for n in (LOCAL_SIZE, int(self.n_slots)):
+            fill(self.queue, self.active_counts, 0, 4)
+            self._launch("generate", n, self.state, self.active, wave, self.camera)
+            self.intersect_closest(wave, n)
+            self.shade_escaped(wave, n)
+            self.sample_lobe_h(wave, n, 0)
+            self.shade(wave, n, 0)
+            self.intersect_shadow(wave, n)
+            self._launch_film(wave, n)
+        self.queue.finish()
+
+    def generate(self, wave: np.ndarray) -> int:
+        """Start the wave's paths; returns how many are active."""
+        n = int(wave["n_paths"])
+        fill(self.queue, self.active_counts, n, 4)
+        self._launch("generate", n, self.state, self.active, wave, self.camera)
+        return n
+
+    def intersect_closest(self, wave: np.ndarray, active: int) -> None:
+        """Find what every active path meets next: fills the hit and miss queues.
+
+        `active`, here and in the other stages, is at least the number of active paths; kernels
+        read the number itself on the device.
+        """
+        fill(self.queue, self.counts, 0, 4 * layout.N_COUNTS)
+        self._launch(
+            "intersect_closest",
+            active,
+            self.state,
+            self.active,
+            self.hits,
+            self.misses,
+            self.active_counts,
+            self.counts,
+            self.n_slots,
+            self.body,
+            *self.geometry,
+        )
+
+    def shade_escaped(self, wave: np.ndarray, active: int) -> None:
+        """Add the environment to the paths that met nothing; they end."""
+        self._launch(
+            "shade_escaped", active, self.state, self.misses, self.counts, wave, self.environment
+        )
+
+    def sample_lobe_h(self, wave: np.ndarray, active: int, depth: int) -> None:
+        """Choose lobe and offset for the paths that met a fibre."""
+        self._launch(
+            "sample_lobe_h",
+            active,
+            self.state,
+            self.hits,
+            self.counts,
+            wave,
+            np.uint32(depth),
+            self.material.params,
+            self.vertices,
+            self.material.table_buffer,
+            self.material.profile_buffer,
+            self.lobe_counts,
+        )
+
+    def shade(self, wave: np.ndarray, active: int, depth: int) -> None:
+        """Continue the paths that met something: fills the next and shadow queues."""
+        self._launch(
+            "shade",
+            active,
+            self.state,
+            self.hits,
+            self.next,
+            self.shadows,
+            self.counts,
+            wave,
+            np.uint32(depth),
+            self.material.params,
+            self.body,
+            self.vertices,
+            self.material.table_buffer,
+            self.material.profile_buffer,
+            self.environment,
+        )
+
+    def intersect_shadow(self, wave: np.ndarray, active: int) -> None:
+        """Add the light samples that nothing hides."""
+        if self.features.light_sampling:
+            self._launch(
+                "intersect_shadow",
+                active,
+                self.state,
+                self.shadows,
+                self.counts,
+                self.n_slots,
+                self.body,
+                *self.geometry,
+            )
+
+    def swap(self) -> QueueLengths:
+        """Make the next queue the active one; the lengths of the bounce's queues are sent off."""
+        lengths = QueueLengths(self.queue, self.counts)
+        self.active, self.next = self.next, self.active
+        self.active_counts, self.counts = self.counts, self.active_counts
+        return lengths
+
+    def add_to_film(self, wave: np.ndarray) -> None:
+        """Add the wave's finished paths to the film."""
+        self._launch_film(wave, min(int(wave["n_paths"]), self.film.width * self.film.height))
+
+    def _launch_film(self, wave: np.ndarray, n: int) -> None:
+        self._launch(
+            "add_to_film",
+            n,
+            self.state,
+            self.film.sums,
+            self.film.n_samples,
+            self.film.nonfinite,
+            wave,
+        )
+
+    def read_lobe_counts(self) -> np.ndarray:
+        """Selections of each lobe since the last call, (n_lobes,) int64; sets them to zero."""
+        counts = self.memory.read(self.lobe_counts, 8, np.uint32)[: self.features.n_lobes]
+        fill(self.queue, self.lobe_counts, 0, 4 * 8)
+        return counts.astype(np.int64)
+
+    def _launch(self, stage: str, n: int, *arguments) -> None:
+        if stage in RAY_STAGES:
+            size, local = rays.launch_size(self.memory.device, n)
+        elif stage in QUEUE_STAGES:
+            size, local = queue_launch.launch_size(self.memory.device, n)
+        else:
+            size, local = grid(n, local=LOCAL_SIZE)
+        event = self._stages[stage].launch(self.queue, size, local, *arguments)
+        if self.keep_events:
+            self.events[stage].append(event)
+        self.checks.check(stage)

@@ -1,0 +1,1 @@
+"""Scene files: their tables, reading them, camera and colour of a scene."""

@@ -1,0 +1,193 @@
+"""The camera table of a scene: perspective, placed by hand or framed, pinhole or thin lens."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import ArrayLike, NDArray
+
+from furcl.table import Vec3
+
+DEFAULT_AZIMUTH_DEG = 0.0
+DEFAULT_ELEVATION_DEG = 10.0
+DEFAULT_MARGIN = 0.05
+POINTS_AT_ONCE = 1 << 17
+
+
+class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Perspective camera.
+
+    With `origin` and `target` it looks from one to the other. Without, `resolved` places it so that
+    a groom fills the picture, on the side that `azimuth_deg` and `elevation_deg` name.
+
+    Attributes
+    ----------
+    origin, target : (x, y, z)    both or neither, world units
+    up : (x, y, z)                any vector not along the view
+    vfov_deg : float              full vertical angle of view [deg], 0.1..170
+    aperture_radius : float       of the lens, world units; 0 is a pinhole
+    focus_distance : float        along the view axis, world units; the target's by default
+    azimuth_deg : float           of the camera seen from the groom [deg], from +x towards +y; 0
+    elevation_deg : float         of the camera over the horizon [deg], -89..89; 10
+    margin : float                part of the half picture that stays free, 0..0.9; 0.05
+    """
+
+    origin: Vec3 | None = None
+    target: Vec3 | None = None
+    up: Vec3 = (0.0, 0.0, 1.0)
+    vfov_deg: Annotated[float, Meta(ge=0.1, le=170.0)] = 30.0
+    aperture_radius: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
+    focus_distance: Annotated[float, Meta(gt=0.0, le=1e9)] | None = None
+    azimuth_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] | None = None
+    elevation_deg: Annotated[float, Meta(ge=-89.0, le=89.0)] | None = None
+    margin: Annotated[float, Meta(ge=0.0, le=0.9)] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.origin is None) != (self.target is None):
+            given, missing = ("origin", "target") if self.target is None else ("target", "origin")
+            raise ValueError(
+                f"{given} is given without {missing}; give both, or neither for automatic framing"
+            )
+        framing = [
+            k for k in ("azimuth_deg", "elevation_deg", "margin") if getattr(self, k) is not None
+        ]
+        if self.origin is not None and framing:
+            raise ValueError(
+                f"{', '.join(framing)} frame the groom automatically and origin places the camera "
+                f"by hand; remove one or the other"
+            )
+        if self.origin is None or self.target is None:
+            view = -self._side()
+        else:
+            view = np.subtract(self.target, self.origin)
+            if not np.any(view):
+                raise ValueError(f"origin and target are the same point {self.origin}; move one")
+        if _sine_between(view, self.up) < 1e-4:
+            raise ValueError(f"up = {self.up} is zero or along the view; choose another direction")
+
+    def _side(self) -> NDArray[np.float64]:
+        azimuth = math.radians(
+            DEFAULT_AZIMUTH_DEG if self.azimuth_deg is None else self.azimuth_deg
+        )
+        elevation = math.radians(
+            DEFAULT_ELEVATION_DEG if self.elevation_deg is None else self.elevation_deg
+        )
+        level = math.cos(elevation)
+        return np.array(
+            [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)], np.float64
+        )
+
+    def resolved(self, points: ArrayLike, aspect: float = 1.0, radius: float = 0.0) -> Camera:
+        """This camera with origin, target and focus distance filled in.
+
+        Parameters
+        ----------
+        points : (n, 3)       what to frame; unused if the origin is given
+        aspect : float        width over height of the film
+        radius : float        of a sphere around each point that must be seen too, world units
+
+        Returns
+        -------
+        Camera                the nearest one that sees all points within the margin: two opposite
+                              sides of the picture are touched
+
+        Raises
+        ------
+        ValueError            if the points have no extent
+        """
+        if self.origin is not None and self.target is not None:
+            distance = float(np.linalg.norm(np.subtract(self.target, self.origin)))
+            return msgspec.structs.replace(self, focus_distance=self.focus_distance or distance)
+        places = self.outermost(points, aspect)
+        if radius == 0.0 and not np.ptp(places, axis=0).any():
+            raise ValueError("the points to frame are one point; give origin and target instead")
+        right, up, forward = _frame(-self._side(), self.up)
+        slope = self._free_slope()
+        depth = places @ forward
+        x, x_depth = _wedge(places @ right, depth, slope * aspect, radius)
+        y, y_depth = _wedge(places @ up, depth, slope, radius)
+        origin = x * right + y * up + min(x_depth, y_depth) * forward
+        distance = float(0.5 * (depth.min() + depth.max()) - origin @ forward)
+        if not distance > 0.0:
+            raise ValueError(
+                "the points to frame are one point; give the camera an origin and target"
+            )
+        target = origin + distance * forward
+        return msgspec.structs.replace(
+            self,
+            origin=tuple(origin.tolist()),
+            target=tuple(target.tolist()),
+            focus_distance=self.focus_distance or distance,
+            azimuth_deg=None,
+            elevation_deg=None,
+            margin=None,
+        )
+
+    def outermost(self, points: ArrayLike, aspect: float = 1.0) -> NDArray[np.float64]:
+        """Those of points (n, 3) that decide how they are framed, (m, 3): a few in 100 000.
+
+        Points are taken a part at a time, so that not all of them have to be copied.
+        """
+        points = np.asarray(points)
+        right, up, forward = _frame(-self._side(), self.up)
+        slope = self._free_slope()
+        directions = np.stack(
+            [
+                *(sign * right - slope * aspect * forward for sign in (1.0, -1.0)),
+                *(sign * up - slope * forward for sign in (1.0, -1.0)),
+                *(sign * forward for sign in (1.0, -1.0)),
+            ]
+        )
+        found = []
+        for begin in range(0, len(points), POINTS_AT_ONCE):
+            part = points[begin : begin + POINTS_AT_ONCE].astype(np.float64)
+            found.append(part[(directions @ part.T).argmax(axis=1)])
+        return np.concatenate(found)
+
+    def _free_slope(self) -> float:
+        """Of the wedge that is left for points between the upper and the lower margin."""
+        free = 1.0 - (DEFAULT_MARGIN if self.margin is None else self.margin)
+        return math.tan(math.radians(self.vfov_deg) / 2.0) * free
+
+    def frame(self) -> tuple[NDArray[np.float64], ...]:
+        """Origin and the unit vectors right, up and forward of an explicit camera, (3,) float64.
+
+        The ray through the film position (x, y), both in 0..1 with y = 0 at the top, goes along
+        forward + tan(vfov/2) * (aspect * (2 x - 1) * right + (1 - 2 y) * up).
+
+        Raises
+        ------
+        ValueError      if the camera has not been resolved
+        """
+        if self.origin is None or self.target is None:
+            raise ValueError("the camera frames automatically; call resolved(points, aspect) first")
+        right, up, forward = _frame(np.subtract(self.target, self.origin), self.up)
+        return np.array(self.origin, np.float64), right, up, forward
+
+
+def _frame(view: NDArray[np.float64], up: Vec3) -> tuple[NDArray[np.float64], ...]:
+    forward = view / np.linalg.norm(view)
+    right = np.cross(forward, np.asarray(up, np.float64))
+    right /= np.linalg.norm(right)
+    return right, np.cross(right, forward), forward
+
+
+def _wedge(
+    across: NDArray[np.float64], depth: NDArray[np.float64], slope: float, radius: float
+) -> tuple[float, float]:
+    """Apex (across, depth) of the narrowest symmetric wedge of a slope that holds all points."""
+    widen = radius * math.hypot(1.0, slope)
+    above = float((across - slope * depth).max()) + widen
+    below = float((-across - slope * depth).max()) + widen
+    return 0.5 * (above - below), -0.5 * (above + below) / slope
+
+
+def _sine_between(a: ArrayLike, b: ArrayLike) -> float:
+    lengths = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return (
+        float(np.linalg.norm(np.cross(np.asarray(a), np.asarray(b)))) / lengths if lengths else 0.0
+    )

@@ -1,0 +1,197 @@
+"""The tables of a scene file, with the range of every value in its type.
+
+Angles are in degrees (`_deg`), lengths in world units, absorption per fibre radius, radiance linear
+with Rec.709 primaries. Unknown keys are refused; `furcl.scene.read` reads files and words the
+messages.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from furcl.fibre import samplers
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
+from furcl.groom.generators import FibreCurves, FurCurves, HairCurves, build_generated
+from furcl.light.tables import ConstantEnvironment, ImageEnvironment, SkyEnvironment
+from furcl.scene.camera import Camera
+from furcl.surface.ellipsoid import Body
+from furcl.table import Length, Rgb, Table
+
+if TYPE_CHECKING:
+    from furcl.groom.curves import Curves
+
+FILTER_SUPPORT_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
+
+
+class Film(Table, frozen=True, kw_only=True):
+    """Picture size and pixel filter.
+
+    The filters are products of two 1-D ones with the stated half width: box; tent; gaussian with
+    standard deviation filter_radius_px / 3, cut at the half width. `exposure_stops` acts on PNG
+    files only.
+    """
+
+    width: Annotated[int, Meta(ge=1, le=16384)] = 512
+    height: Annotated[int, Meta(ge=1, le=16384)] = 512
+    filter: Literal["gaussian", "tent", "box"] = "gaussian"
+    filter_radius_px: Annotated[float, Meta(ge=0.5, le=4.0)] | None = None
+    exposure_stops: Annotated[float, Meta(ge=-30.0, le=30.0)] = 0.0
+
+    @property
+    def support_px(self) -> float:
+        """Half width of the filter [pixels]: filter_radius_px, or box 0.5, tent 1, gaussian 1.5."""
+        if self.filter_radius_px is not None:
+            return self.filter_radius_px
+        return FILTER_SUPPORT_PX[self.filter]
+
+    @property
+    def aspect(self) -> float:
+        """Width over height."""
+        return self.width / self.height
+
+
+class Melanin(Table, frozen=True, kw_only=True):
+    """Concentrations of the pigments of hair, 0..100 (0.3 blond, 1.3 brown, 8 black)."""
+
+    eumelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+
+
+class FibreTable(Table, frozen=True, kw_only=True):
+    """A preset, parameters that replace its own, and the colour in at most one of three ways.
+
+    Without a preset exactly one of sigma_ca, colour and melanin is required and the other
+    parameters default to those of `furcl.Fibre`, which also states the ranges.
+    """
+
+    preset: str | None = None
+    eta: float | None = None
+    kappa: float | None = None
+    alpha_deg: float | None = None
+    beta_m_deg: float | None = None
+    beta_n_deg: float | None = None
+    sigma_ca: Rgb | None = None
+    sigma_ms: float | None = None
+    sigma_ma: Rgb | None = None
+    g: float | None = None
+    layers: float | None = None
+    colour: tuple[float, float, float] | None = None
+    melanin: Melanin | None = None
+
+    def __post_init__(self) -> None:
+        ways = [k for k in ("sigma_ca", "colour", "melanin") if getattr(self, k) is not None]
+        if len(ways) > 1:
+            raise ValueError(f"the colour is given by {' and '.join(ways)}; keep one of them")
+        if not ways and self.preset is None:
+            raise ValueError(
+                "there is neither a preset nor a colour; give preset, sigma_ca, colour or melanin"
+            )
+
+    def build(self) -> Fibre:
+        """The fibre that the table describes.
+
+        Raises
+        ------
+        FibreError      unknown preset, or a value outside its range
+        """
+        changes: dict[str, Any] = {
+            name: getattr(self, name)
+            for name in self.__struct_fields__
+            if name not in ("preset", "colour", "melanin") and getattr(self, name) is not None
+        }
+        if self.preset is not None:
+            fibre = Fibre.preset(self.preset, **changes)
+        else:
+            fibre = Fibre(**changes)
+        if self.melanin is not None:
+            sigma_ca = sigma_ca_from_melanin(self.melanin.eumelanin, self.melanin.pheomelanin)
+            return fibre.replace(sigma_ca=sigma_ca)
+        if self.colour is not None:
+            return fibre.replace(sigma_ca=sigma_ca_from_colour(self.colour, fibre.beta_n_deg))
+        return fibre
+
+
+class FileCurves(Table, frozen=True, kw_only=True, tag_field="generator", tag="file"):
+    """A groom file.
+
+    Radii are multiplied by `radius_scale`; `default_radius` stands in where the file has none.
+    `up_axis` = "y" turns a groom whose +y is up to stand along +z, facing -y if it faced +z.
+    """
+
+    file: str
+    radius_scale: Annotated[float, Meta(gt=0.0, le=1e9)] = 1.0
+    default_radius: Length | None = None
+    up_axis: Literal["y", "z"] = "z"
+
+
+class Render(Table, frozen=True, kw_only=True):
+    """Samples and samplers.
+
+    `light_sampling`: "bcsdf" samples fibres only, "mis" also the environment, "auto" chooses by the
+    environment. Paths end at `max_depth`; from `roulette_depth` on they may end at random without
+    bias. `residual` adds the light of two and more internal reflections, so that white fibres
+    conserve energy.
+    """
+
+    spp: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
+    seed: Annotated[int, Meta(ge=0, le=(1 << 32) - 1)] = 0
+    max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
+    sampling: str = "full-cdf"
+    light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
+    roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
+    residual: bool = False
+    variance: bool = True
+    statistics: bool = True
+
+    def __post_init__(self) -> None:
+        samplers.find(self.sampling)
+
+
+class Scene(Table, frozen=True, kw_only=True):
+    """A whole scene. File names in it are absolute once `furcl.load_scene` has read it."""
+
+    name: str = ""
+    camera: Camera = Camera()
+    film: Film = Film()
+    fibre: FibreTable
+    environment: ConstantEnvironment | SkyEnvironment | ImageEnvironment
+    curves: FileCurves | HairCurves | FurCurves | FibreCurves
+    body: Body | None = None
+    render: Render = Render()
+
+    def build_fibre(self) -> Fibre:
+        """The fibre of the scene; raises FibreError on values outside their ranges."""
+        return self.fibre.build()
+
+    def build_curves(self) -> Curves:
+        """Read or grow the groom.
+
+        Raises
+        ------
+        GroomError      if the file cannot be used, or the generator refuses its parameters
+        """
+        table = self.curves
+        if not isinstance(table, FileCurves):
+            return build_generated(table)
+        from furcl.groom.formats import load_curves
+
+        curves = load_curves(table.file, table.default_radius, table.radius_scale)
+        if table.up_axis == "z":
+            return curves
+        points = curves.points[:, [0, 2, 1]]
+        points[:, 1] *= -1.0
+        points.flags.writeable = False
+        return dataclasses.replace(curves, points=points)
+
+    def resolved_camera(self, curves: Curves) -> Camera:
+        """The camera with all places filled in; if it frames, it frames groom and body."""
+        points, radius = curves.points, float(curves.radii.max())
+        if self.body is not None and self.camera.origin is None:
+            points = self.camera.outermost(points, self.film.aspect)
+            points = np.concatenate([points, self.body.surface_points()])
+        return self.camera.resolved(points, self.film.aspect, radius)

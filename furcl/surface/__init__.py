@@ -1,0 +1,1 @@
+"""Surfaces beside the strands, and how they reflect."""
