@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from furcl.bvh.chunk import ChunkBuilder
 from furcl.bvh.partition import Partition, top_blocks, top_lanes
 from furcl.device import index_checks
-from furcl.device.layout import BVH_BLOCK_WORDS, BVH_STACK_SIZE
+from furcl.device.layout import BLOCK_WORDS, BVH_STACK_SIZE
 from furcl.device.memory import Memory
 from furcl.errors import BvhError
 from furcl.groom.curves import Curves
@@ -22,9 +22,9 @@ from furcl.groom.curves import Curves
 CHUNK_SEGMENTS = 1 << 20
 
 #: The buffers that `build_bvh` leaves in the memory that it is given.
-BUFFERS = ("bvh", "vertices", "strand offsets")
+BUFFERS = ("bvh", "vertices", "strands")
 
-_BLOCK_BYTES = 4 * BVH_BLOCK_WORDS
+_BLOCK_BYTES = 4 * BLOCK_WORDS
 _UPLOAD_POINTS = 1 << 18
 #: How much larger than the chunks so far let expect the buffer of a tree of many chunks is made.
 _ROOM = 1.02
@@ -59,7 +59,8 @@ class Bvh:
                             block 0 is the root
     vertices : cl.Buffer    positions and radii, see kernels/include/geometry/vertices.clh
     point_radii : bool      whether each vertex has a radius of its own
-    offsets : cl.Buffer     (n_strands + 1,) uint32: strand s owns vertices offsets[s] ..
+    strands : cl.Buffer     uint32: number of strands, points of the longest one, then
+                            (n_strands + 1,) offsets: strand s owns vertices offsets[s] ..
                             offsets[s + 1] - 1
     n_blocks, n_points, n_strands, n_segments : int
     longest_strand : int    points of the longest strand
@@ -71,7 +72,7 @@ class Bvh:
     blocks: cl.Buffer
     vertices: cl.Buffer
     point_radii: bool
-    offsets: cl.Buffer
+    strands: cl.Buffer
     n_blocks: int
     n_points: int
     n_strands: int
@@ -83,20 +84,19 @@ class Bvh:
     @property
     def n_bytes(self) -> int:
         """Memory on the device [bytes]."""
-        return self.blocks.size + self.vertices.size + self.offsets.size
+        return self.blocks.size + self.vertices.size + self.strands.size
 
-    def arguments(self) -> list[cl.Buffer | np.uint32]:
-        """What BVH_PARAMETERS names in kernels/include/bvh/traversal.clh, in that order."""
-        numbers = np.uint32(self.n_strands), np.uint32(self.longest_strand)
-        return [self.blocks, self.vertices, self.offsets, *numbers]
+    def arguments(self) -> list[cl.Buffer]:
+        """What kernels take as blocks, vertices and strands, in that order."""
+        return [self.blocks, self.vertices, self.strands]
 
     def read(self) -> BvhArrays:
         """Copy everything back to the host."""
         read = self.memory.read
         return BvhArrays(
-            blocks=read(self.blocks, (self.n_blocks, BVH_BLOCK_WORDS), np.uint32),
+            blocks=read(self.blocks, (self.n_blocks, BLOCK_WORDS), np.uint32),
             vertices=self._read_vertices(),
-            offsets=read(self.offsets, self.n_strands + 1, np.uint32),
+            offsets=read(self.strands, self.n_strands + 3, np.uint32)[2:],
             stack_size=self.stack_size,
         )
 
@@ -148,21 +148,35 @@ def build_bvh(
             f"the tree of {curves.n_segments} segments needs a stack of {stack_size} entries, "
             f"kernels have {BVH_STACK_SIZE}; the groom is extremely uneven: split it"
         )
-    offsets = curves.offsets.astype(np.uint32)
+    longest_strand = int(np.diff(curves.offsets).max())
+    strands = np.concatenate([[curves.n_strands, longest_strand], curves.offsets]).astype(np.uint32)
     return Bvh(
         memory=memory,
         blocks=blocks,
         vertices=vertices,
         point_radii=point_radii,
-        offsets=index_checks.upload(memory, "strand offsets", offsets, debug),
+        strands=index_checks.upload(memory, "strands", strands, debug),
         n_blocks=n_blocks,
         n_points=curves.n_points,
         n_strands=curves.n_strands,
         n_segments=curves.n_segments,
-        longest_strand=int(np.diff(curves.offsets).max()),
+        longest_strand=longest_strand,
         stack_size=stack_size,
         build_seconds=time.perf_counter() - start,
     )
+
+
+def no_geometry(memory: Memory) -> list[cl.Buffer]:
+    """In place of `Bvh.arguments`, for launches over nothing: kernels need every argument."""
+    nothing = memory.upload("no geometry", np.zeros(4, np.uint32))
+    return [nothing, nothing, nothing]
+
+
+def watch(checks: index_checks.IndexChecks, geometry: list[cl.Buffer], n_vertices: int) -> None:
+    """Watch the indices of a tree: its record is behind the strand offsets."""
+    blocks, _, strands = geometry
+    n_blocks = (blocks.size - index_checks.RECORD_BYTES) // _BLOCK_BYTES - 1
+    checks.watch(strands, n_vertices=n_vertices, n_blocks=n_blocks)
 
 
 def _upload_vertices(memory: Memory, curves: Curves, point_radii: bool) -> cl.Buffer:

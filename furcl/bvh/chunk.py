@@ -13,9 +13,9 @@ from furcl.bvh import embree
 from furcl.device import program
 from furcl.device.features import Features
 from furcl.device.launch import grid
+from furcl.device.layout import NO_BLOCK
 from furcl.device.memory import Memory
 
-NOWHERE = 0xFFFFFFFF
 # Bytes of a node, or of a segment, in the buffers of kernels/prepare/bvh_build.cl.
 BUFFERS = {
     "segments": 4,
@@ -96,7 +96,7 @@ class ChunkBuilder:
         self._levels = list(itertools.pairwise(ends))
         self._copy("nodes", tree.nodes)
         self._copy("by height", np.argsort(tree.heights, kind="stable").astype(np.uint32))
-        places = np.full((len(tree.nodes), 2), NOWHERE, np.uint32)
+        places = np.full((len(tree.nodes), 2), NO_BLOCK, np.uint32)
         places[0] = 0, 1
         self._copy("places", places)
         for begin, end in self._levels:

@@ -8,11 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl.device.layout import BVH_BLOCK_WORDS
+from furcl.device.layout import (
+    BLOCK_BOXES,
+    BLOCK_LANES,
+    BLOCK_ORIGIN,
+    BLOCK_REFERENCES,
+    BLOCK_STEP,
+    BLOCK_WORDS,
+    GRID_MARGIN,
+    block_bytes,
+)
 from furcl.groom.curves import Curves
-
-BOXES = 1 << 16
-GRID_MARGIN = 1.0 / 64.0  # as in kernels/include/bvh/write_block.clh
 
 SAMPLES_PER_CHUNK = 1 << 12
 AT_ONCE = 1 << 18
@@ -141,7 +147,7 @@ def top_blocks(
     stack_size : int                    stack entries that a traversal of the whole tree can need
     """
     place = {(block[0][0], block[-1][1]): i for i, block in enumerate(lanes)}
-    blocks = np.zeros((len(lanes), BVH_BLOCK_WORDS), np.uint32)
+    blocks = np.zeros((len(lanes), BLOCK_WORDS), np.uint32)
     stacks = np.zeros(len(lanes), np.int64)
     for i in reversed(range(len(lanes))):
         children = lanes[i]
@@ -151,7 +157,7 @@ def top_blocks(
         below = []
         for lane, (a, b) in enumerate(children):
             single = b - a == 1
-            blocks[i, 24 + lane] = first_blocks[a] if single else place[a, b]
+            blocks[i, BLOCK_REFERENCES + lane] = first_blocks[a] if single else place[a, b]
             below.append(stack_sizes[a] if single else stacks[place[a, b]])
         stacks[i] = len(children) - 1 + max(below)
     return blocks, int(stacks[0])
@@ -160,18 +166,18 @@ def top_blocks(
 def _write_boxes(block, lower, upper) -> None:
     """Grid and faces of boxes (k, 3) float64, with room for rounding."""
     floats, rows = block.view(np.float32), block.view(np.uint8)
+    grid_origin, grid_step = floats[BLOCK_ORIGIN:][:3], floats[BLOCK_STEP:][:3]
+    n = len(lower)
     low, high = lower.min(axis=0), upper.max(axis=0)
     margin = (high - low) / 255.0 * (2.0 * GRID_MARGIN)
-    floats[:3] = np.nextafter((low - margin).astype(np.float32), np.float32(-np.inf))
-    origin = floats[:3].astype(np.float64)
+    grid_origin[:] = np.nextafter((low - margin).astype(np.float32), np.float32(-np.inf))
+    origin = grid_origin.astype(np.float64)
     step = (high - origin) / (255.0 - 4.0 * GRID_MARGIN)
-    floats[4:7] = np.maximum(np.nextafter(step.astype(np.float32), np.float32(np.inf)), 1e-30)
-    step = floats[4:7].astype(np.float64)
-    for lane in range(len(lower)):
-        rows[32 + lane : 80 : 16] = np.maximum(
-            np.floor((lower[lane] - origin) / step - GRID_MARGIN), 0.0
-        )
-        rows[40 + lane : 80 : 16] = np.minimum(
-            np.ceil((upper[lane] - origin) / step + GRID_MARGIN), 255.0
-        )
-    block[22] = (1 << len(lower)) - 1 | BOXES
+    grid_step[:] = np.maximum(np.nextafter(step.astype(np.float32), np.float32(np.inf)), 1e-30)
+    step = grid_step.astype(np.float64)
+    below = np.maximum(np.floor((lower - origin) / step - GRID_MARGIN), 0.0)
+    above = np.minimum(np.ceil((upper - origin) / step + GRID_MARGIN), 255.0)
+    for axis in range(3):
+        rows[block_bytes(2 * axis)][:n] = below[:, axis]
+        rows[block_bytes(2 * axis + 1)][:n] = above[:, axis]
+    block[BLOCK_LANES] = (1 << n) - 1 | BLOCK_BOXES

@@ -2,59 +2,74 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Protocol
 
-from furcl.fibre import samplers
+from furcl.device.layout import FILTERS, Fields
 
-ENVIRONMENTS = ("constant", "sky", "image")
-FILTERS = ("box", "tent", "gaussian")
-LOBES = ("R", "TT", "TRT", "TTs", "TRTs")
-SCATTERED_LOBES = ("TTs", "TRTs")
-RESIDUAL_LOBE = "residual"
-ALL_LOBES = (*LOBES, RESIDUAL_LOBE)
+
+class Part(Protocol):
+    """What one choice of a scene, such as its fibre model or its light, adds to kernels.
+
+    Parts are frozen, hashable and can be pickled: all that they stand for is in their fields.
+    """
+
+    @property
+    def name(self) -> str:
+        """As scenes say it."""
+        ...
+
+    @property
+    def header(self) -> Path:
+        """The file that its virtual include stands for."""
+        ...
+
+    def defines(self) -> Mapping[str, int | str]:
+        """Names and values that its header tests or uses: features and constants."""
+        ...
+
+    def structs(self) -> Mapping[str, Fields]:
+        """Structs that its header uses: names and fields."""
+        ...
+
+    def as_dict(self) -> Mapping[str, Any]:
+        """Plain values for JSON and image headers."""
+        ...
 
 
 @dataclass(frozen=True)
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
+    The parts are the virtual includes <fibre>, <sampler>, <light> and <surface>; None where a
+    kernel has nothing to do with them, or the scene has none.
+
     Attributes
     ----------
-    sampling : str              a name of furcl.fibre.samplers
-    channels : int              3 for RGB, 1 where fibre, body and light are grey
-    medulla : bool              rays may cross a medulla that absorbs or scatters
-    scattered : bool            lobes TT^s and TRT^s (kappa > 0 and sigma_ms > 0)
-    profile_channels : int      channels of medulla absorption in the profiles: 0, 1 or 3
-    layered : bool              cuticle other than a plain interface (layers != 1/2)
-    tilt : bool                 alpha != 0
-    residual : bool             lobe TRRT+ that closes the furnace
-    dropped_lobes : tuple       names of lobes left out because they carry next to nothing
-    environment : str           one of ENVIRONMENTS
-    light_sampling : bool       the environment is sampled too (MIS)
+    fibre : Part or None        a fibre model and what it needs, see furcl.fibre.model
+    sampler : Part or None      how lobe and offset h are chosen, see furcl.fibre.samplers
+    light : Part or None        see furcl.light
+    surface : Part or None      a surface beside the strands, see furcl.surface
+    channels : int              3 for RGB, 1 where fibre, surface and light are grey
+    light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
-    body : bool                 an ellipsoid inside the groom
     lens : bool                 camera with a finite aperture
-    filter : str                one of FILTERS
+    filter : str                one of layout.FILTERS
     roulette : bool             Russian roulette within the depth limit
     variance : bool             film keeps second moments
     statistics : bool           counters of lobes and path lengths
     debug : bool                index checks in every buffer access that has one
     """
 
-    sampling: str = "full-cdf"
+    fibre: Part | None = None
+    sampler: Part | None = None
+    light: Part | None = None
+    surface: Part | None = None
     channels: int = 3
-    medulla: bool = True
-    scattered: bool = True
-    profile_channels: int = 3
-    layered: bool = True
-    tilt: bool = True
-    residual: bool = False
-    dropped_lobes: tuple[str, ...] = ()
-    environment: str = "constant"
     light_sampling: bool = False
     point_radii: bool = True
-    body: bool = False
     lens: bool = False
     filter: str = "gaussian"
     roulette: bool = True
@@ -63,45 +78,52 @@ class Features:
     debug: bool = False
 
     @property
-    def n_lobes(self) -> int:
-        """Planes of the lobe tables: the five lobes in fixed order, then the residual."""
-        return 6 if self.residual else 5
+    def parts(self) -> dict[str, Part]:
+        """The parts that there are, by the name of their virtual include."""
+        found = {name: getattr(self, name) for name in PARTS}
+        return {name: part for name, part in found.items() if part is not None}
 
     @property
-    def lobes(self) -> tuple[str, ...]:
-        """Names of the lobes that are compiled in."""
-        absent = set(self.dropped_lobes)
-        if not self.scattered:
-            absent |= set(SCATTERED_LOBES)
-        return tuple(name for name in ALL_LOBES[: self.n_lobes] if name not in absent)
+    def light_at_infinity(self) -> bool:
+        """Whether light samples have no distance."""
+        return bool(getattr(self.light, "at_infinity", True))
 
-    @property
-    def sampler(self) -> samplers.Sampler:
-        """The sampler that `sampling` names; its file is the virtual include "sampler.clh"."""
-        return samplers.find(self.sampling)
-
-    def defines(self) -> dict[str, int]:
-        """Names and values of the preprocessor defines, all prefixed FURCL_."""
-        values: dict[str, int] = {}
-        for name, value in asdict(self).items():
-            if name in ("sampling", "dropped_lobes"):
-                continue
-            if name == "environment":
-                value = ENVIRONMENTS.index(value)
-            elif name == "filter":
-                value = FILTERS.index(value)
-            values[f"FURCL_{name.upper()}"] = int(value)
-        values["FURCL_PROFILE_ANGLES"] = int(self.sampler.scattered_angles == "profile")
-        values["FURCL_LOBES"] = self.n_lobes
-        values["FURCL_LOBE_MASK"] = sum(
-            1 << index for index, name in enumerate(ALL_LOBES) if name in self.lobes
-        )
+    def defines(self) -> dict[str, int | str]:
+        """Names and values of the preprocessor defines."""
+        values: dict[str, int | str] = {
+            f"FURCL_{field.name.upper()}": int(getattr(self, field.name))
+            for field in fields(self)
+            if field.name not in (*PARTS, "filter")
+        }
+        values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
+        values["FURCL_SURFACE"] = int(self.surface is not None)
+        values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
+        values["FURCL_TABLES"] = 0
+        for part in self.parts.values():
+            values |= part.defines()
         return values
+
+    def structs(self) -> dict[str, Fields]:
+        """Structs of the parts."""
+        return {k: v for part in self.parts.values() for k, v in part.structs().items()}
 
     def with_(self, **changes: Any) -> Features:
         """A copy with some fields changed."""
         return replace(self, **changes)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON and image headers."""
-        return asdict(self)
+        """Plain values for JSON and image headers: the parts' names and values among the others."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in PARTS}
+        for kind, name in PLAIN_NAMES.items():
+            part = getattr(self, kind)
+            plain[name] = part.name if part else None
+            plain |= part.as_dict() if part else {}
+        return plain
+
+    def describe(self) -> str:
+        """One line for messages and logs."""
+        return ", ".join(f"{name} {value}" for name, value in self.as_dict().items())
+
+
+PARTS = ("fibre", "sampler", "light", "surface")
+PLAIN_NAMES = {"fibre": "model", "sampler": "sampling", "light": "environment", "surface": "body"}

@@ -37,6 +37,21 @@ def binary_path(device: Device, text: str, options: Sequence[str]) -> Path | Non
     return cache_folder() / "kernels" / f"{cache_key(device, text, options)}.bin"
 
 
+def built(raw: cl._cl._Program, options: Sequence[str]) -> cl.Program:
+    """A program of pyopencl's lower layer, built for its context.
+
+    The upper layer makes a Python warning of whatever a compiler says although it succeeds (Intel's
+    says "done"). A filter for that would change the caller's process, and so would catching it while
+    other threads warn.
+
+    Raises
+    ------
+    cl.Error    if it does not compile
+    """
+    raw._build(" ".join(options).encode(), None)
+    return cl.Program(raw)
+
+
 def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Program | None:
     """The program of a cached binary; None if there is none that the runtime takes.
 
@@ -50,7 +65,7 @@ def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Progra
         if hashlib.sha256(binary).digest() != digest:
             log.warning("%s: damaged; building again", path)
             return None
-        return cl.Program(device.context, [device.cl_device], [binary]).build(list(options))
+        return built(cl._cl._Program(device.context, [device.cl_device], [binary]), options)
     except (OSError, cl.Error) as error:
         log.warning("%s: not usable (%s); building again", path, error)
         return None

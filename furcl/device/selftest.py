@@ -16,8 +16,8 @@ import pyopencl as cl
 from furcl.device import layout, program
 from furcl.device.choice import Device, find_candidate, open_candidate
 from furcl.device.features import Features
-from furcl.device.verdict import EXIT_FAILED
-from furcl.errors import DeviceError, FurclError, KernelBuildError
+from furcl.device.verdict import EXIT_FAILED, SELFTEST_DEFINES
+from furcl.errors import DeviceError, FurclError, LayoutError
 
 N_ITEMS = 1024
 GROUP = 64
@@ -127,10 +127,21 @@ def _test_random(device: Device, kernels: cl.Program) -> None:
 
 
 def _test_structs(device: Device, kernels: cl.Program) -> None:
-    words = np.zeros_like(layout.struct_words())
+    given = np.zeros((), layout.struct_dtype("Example"))
+    for n, (field, _) in enumerate(layout.STRUCTS["Example"]):
+        given[field] = n + 1
+    fields = given.dtype.fields or {}
+    offsets = [place[1] for place in fields.values()]
+    words = np.zeros(1 + len(fields) + given.nbytes // 4, np.uint32)
     out = _output(device, words)
-    kernels.struct_offsets(device.queue, (1,), None, out)
-    layout.check_structs(_read(device, out, words))
+    kernels.selftest_struct(device.queue, (1,), None, out, given)
+    found = _read(device, out, words)
+    expected = np.array([given.nbytes, *offsets, *np.frombuffer(given.tobytes(), np.uint32)])
+    if not np.array_equal(found, expected):
+        raise LayoutError(
+            f"the device lays a struct out as {found.tolist()} (size, field offsets, content), the "
+            f"host as {expected.tolist()}; furcl allows no padding: report this device"
+        )
 
 
 TESTS: tuple[Callable[[Device, cl.Program], None], ...] = (
@@ -150,11 +161,7 @@ def run(device: Device) -> None:
     ------
     KernelBuildError, DeviceError, LayoutError     what fails first
     """
-    text = program.source("tools/selftest.cl", Features()) + layout.check_structs_text()
-    try:
-        kernels = cl.Program(device.context, text).build(list(program.OPTIONS))
-    except cl.Error as error:
-        raise KernelBuildError(f"the self-test does not compile: {error}") from error
+    kernels = program.build(device, "tools/selftest.cl", Features(), SELFTEST_DEFINES)
     for test in TESTS:
         test(device, kernels)
 

@@ -3,7 +3,7 @@
 Source: Shibaike and Iwasaki, sections 4.2 and 4.4 (200 bins over h in [-1, 1]). Changed: rows over
 theta, because A_p depends on it, dense at grazing incidence, where it depends on it most (with rows
 even in theta a thin cuticle seen along the fibre gives weights of 10^6); 100 bins over |h|, A_p
-being even in h (SPEC 4.3); bins that hold a narrow peak are lifted, see PEAK_TO_MEAN.
+being even in h; bins that hold a narrow peak are lifted, see PEAK_TO_MEAN.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # A bin in which the quadrature sees nothing still gets this share of its lobe's mean, so that q is
-# positive wherever the lobe can be (SPEC 4.3).
+# positive wherever the lobe can be.
 FLOOR = 1e-3 / 200
 
 # A bin is chosen at least as often as if its mean were its peak over this number: no weight is
@@ -44,7 +44,8 @@ class AttenuationTables:
     ----------
     lobe_cdf : (rows, lobes) float32            inclusive; zeros where no lobe carries light
     bin_cdf : (rows, lobes, bins) float32       over |h|, inclusive, last entry 1
-    joint : (rows, lobes, bins) float32         q(lobe, h) for h in [-1, 1]; its integral is 1
+    joint : (rows, lobes, bins) float32         q(lobe, h), relative to h uniform over [-1, 1]: its
+                                                mean over h, summed over lobes, is 1
     lobe_probability : (rows, lobes) float64    P(lobe), for statistics
     energy : (rows,) float64                    what the chances are shares of: the albedo, and what
                                                 is lifted; times PEAK_TO_MEAN the largest weight
@@ -58,7 +59,7 @@ class AttenuationTables:
 
     @property
     def packed(self) -> np.ndarray:
-        """The float32 blocks that kernels/include/fibre/attenuation_tables.clh reads."""
+        """The float32 blocks that kernels/include/fibre/sampler.clh reads."""
         blocks = (self.lobe_cdf, self.bin_cdf, self.joint)
         return np.concatenate([block.ravel() for block in blocks]).astype(np.float32)
 
@@ -113,7 +114,7 @@ def tables_from_bins(bins: np.ndarray, peaks: np.ndarray | None = None) -> Atten
         smallest = SMALLEST_SHARE * means.mean(axis=2).sum(axis=1)[:, None, None]
         means = np.where(exists, np.maximum(means, smallest), 0.0)
     n_bins = means.shape[2]
-    energy = means.mean(axis=2)  # half the integral over [-1, 1]
+    energy = means.mean(axis=2)
     total = energy.sum(axis=1, keepdims=True)
     alive = total > 0.0
     probability = np.divide(energy, total, out=np.zeros_like(energy), where=alive)
@@ -123,7 +124,7 @@ def tables_from_bins(bins: np.ndarray, peaks: np.ndarray | None = None) -> Atten
         np.divide(means, sums, out=np.full_like(means, 1 / n_bins), where=sums > 0)
     )
     joint = np.divide(
-        means, 2.0 * total[..., None], out=np.zeros_like(means), where=alive[..., None]
+        means, total[..., None], out=np.zeros_like(means), where=alive[..., None]
     )
     return AttenuationTables(
         lobe_cdf=np.where(alive, lobe_cdf, 0.0).astype(np.float32),

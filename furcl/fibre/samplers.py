@@ -1,70 +1,89 @@
 """The samplers of the BCSDF by name: those that come with furcl, and a user's own.
 
 A sampler is a file of OpenCL C that chooses the lobe and the offset h
-(kernels/include/fibre/attenuation_tables.clh says what it defines), and a way to choose the
-directions of the scattered lobes. docs/own_sampler.md has an example.
+(kernels/include/fibre/sampler.clh says what it defines), and a way to choose the directions of lobes
+that have profiles. docs/own_sampler.md has an example.
 """
 
 from __future__ import annotations
 
 import difflib
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, get_args
 
 from furcl.errors import SamplerError
 from furcl.paths import kernel_folder
 
 FUNCTIONS = ("joint_densities", "sample_lobe_and_offset")
+TABLE_FUNCTIONS = ("table_rows", "joint_density", "lobe_cdf", "bin_cdf")
+
+Angles = Literal["uniform", "profile"]
 
 
 @dataclass(frozen=True)
 class Sampler:
-    """How lobe, offset h and direction are chosen.
+    """How lobe, offset h and direction are chosen: the part <sampler> of furcl.device.features.
 
     Attributes
     ----------
     name : str                      as in `--sampling`
-    clh : Path                      file with the functions of FUNCTIONS
-    needs_tables : bool             whether the attenuation tables are computed and passed
+    header : Path                   file with the functions of FUNCTIONS: absolute, or in
+                                    kernels/include
+    needs_tables : bool             whether the attenuation tables are computed and passed; without
+                                    them a text that reads them does not compile
     scattered_angles : str          directions of TT^s and TRT^s: "uniform" over the sphere, or
                                     from their own "profile"
     """
 
     name: str
-    clh: Path
+    header: Path
     needs_tables: bool
-    scattered_angles: Literal["uniform", "profile"]
+    scattered_angles: Angles
 
-    def source(self) -> str:
+    def defines(self) -> dict[str, int | str]:
+        """What fibre/sampler.clh and the models test."""
+        return {
+            "FURCL_TABLES": int(self.needs_tables),
+            "FURCL_PROFILE_ANGLES": int(self.scattered_angles == "profile"),
+        }
+
+    def structs(self) -> dict[str, Any]:
+        """None."""
+        return {}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Nothing beside the name."""
+        return {}
+
+    def text(self) -> str:
         """The text of the file.
 
         Raises
         ------
         SamplerError    if it cannot be read
         """
+        path = kernel_folder() / "include" / self.header
         try:
-            return self.clh.read_text()
-        except OSError as error:
+            return path.read_text()
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise SamplerError(
-                f"sampler {self.name!r}: {self.clh} cannot be read: {error.strerror}; "
-                f"register the sampler with the path of its file"
+                f"sampler {self.name!r}: {path} cannot be read: {reason}; register the sampler with "
+                f"the path of its file"
             ) from None
 
 
-def _built_in() -> dict[str, Sampler]:
-    folder = kernel_folder() / "include" / "samplers"
-    uniform, cdf = folder / "uniform_h.clh", folder / "attenuation_cdf.clh"
-    return {
-        "uniform-h": Sampler("uniform-h", uniform, False, "uniform"),
-        "attenuation-cdf": Sampler("attenuation-cdf", cdf, True, "uniform"),
-        "full-cdf": Sampler("full-cdf", cdf, True, "profile"),
-    }
-
-
-BUILT_IN = ("uniform-h", "attenuation-cdf", "full-cdf")
-_registered = _built_in()
+_UNIFORM, _CDF = Path("samplers/uniform_h.clh"), Path("samplers/attenuation_cdf.clh")
+_BUILT_IN = {
+    "uniform-h": Sampler("uniform-h", _UNIFORM, False, "uniform"),
+    "attenuation-cdf": Sampler("attenuation-cdf", _CDF, True, "uniform"),
+    "full-cdf": Sampler("full-cdf", _CDF, True, "profile"),
+}
+BUILT_IN = tuple(_BUILT_IN)
+_registered = dict(_BUILT_IN)
 
 
 def names() -> tuple[str, ...]:
@@ -84,7 +103,7 @@ def find(name: str) -> Sampler:
     near = difflib.get_close_matches(name, _registered, 1, 0.5)
     raise SamplerError(
         f"sampling = {name!r}: allowed are {', '.join(_registered)}"
-        + (f"; did you mean {near[0]!r}?" if near else "; furcl.fibre.samplers.register adds one")
+        + (f"; did you mean {near[0]!r}?" if near else "; furcl.samplers.register adds one")
     )
 
 
@@ -92,8 +111,8 @@ def register(
     name: str,
     clh: str | os.PathLike[str],
     *,
-    needs_tables: bool,
-    scattered_angles: Literal["uniform", "profile"] = "uniform",
+    needs_tables: bool | None = None,
+    scattered_angles: Angles = "uniform",
 ) -> Sampler:
     """Make a sampler of one's own usable under a name; one of that name is replaced.
 
@@ -102,7 +121,8 @@ def register(
     name : str                  for `sampling`, other than those of furcl
     clh : path                  file with the functions of FUNCTIONS; what it includes is sought
                                 beside it, then among furcl's kernels
-    needs_tables : bool         pass the attenuation tables
+    needs_tables : bool or None compute the attenuation tables and pass them; None: if the text
+                                names one of TABLE_FUNCTIONS
     scattered_angles : str      "uniform" or "profile", see `Sampler`
 
     Raises
@@ -115,21 +135,23 @@ def register(
             f"sampler {name!r}: the name must not be empty or one of {', '.join(BUILT_IN)}; "
             f"choose another"
         )
-    if scattered_angles not in ("uniform", "profile"):
+    if scattered_angles not in get_args(Angles):
         raise SamplerError(
             f"sampler {name!r}: scattered_angles = {scattered_angles!r}; allowed are 'uniform' "
             f"and 'profile'"
         )
-    sampler = Sampler(name, Path(clh).absolute(), needs_tables, scattered_angles)
-    text = sampler.source()
-    missing = [function for function in FUNCTIONS if function not in text]
+    text = Sampler(name, Path(clh).absolute(), False, scattered_angles).text()
+    words = set(re.findall(r"\w+", text))
+    missing = [function for function in FUNCTIONS if function not in words]
     if missing:
         raise SamplerError(
             f"sampler {name!r}: {clh} does not define {' and '.join(missing)}; see "
             f"docs/own_sampler.md"
         )
-    _registered[name] = sampler
-    return sampler
+    if needs_tables is None:
+        needs_tables = not words.isdisjoint(TABLE_FUNCTIONS)
+    _registered[name] = Sampler(name, Path(clh).absolute(), needs_tables, scattered_angles)
+    return _registered[name]
 
 
 def unregister(name: str) -> None:

@@ -6,11 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.bvh.build import BvhArrays
-from furcl.device.layout import BVH_BLOCK_WORDS, BVH_STACK_SIZE
+from furcl.device.layout import (
+    BLOCK_BOXES,
+    BLOCK_LANES,
+    BLOCK_ORIGIN,
+    BLOCK_REFERENCES,
+    BLOCK_STEP,
+    BLOCK_UNIT,
+    BLOCK_WORDS,
+    BVH_STACK_SIZE,
+    BVH_WIDTH,
+    ROW_RADIUS,
+    block_bytes,
+)
 from furcl.errors import BvhError
 from furcl.groom.curves import Curves
-
-BOXES = 1 << 16
 
 
 def check_bvh(bvh: BvhArrays, curves: Curves) -> None:
@@ -35,8 +45,8 @@ def check_bvh(bvh: BvhArrays, curves: Curves) -> None:
 
 
 def _check_copies(bvh: BvhArrays, curves: Curves) -> None:
-    if bvh.blocks.ndim != 2 or bvh.blocks.shape[1] != BVH_BLOCK_WORDS or not len(bvh.blocks):
-        raise BvhError(f"blocks have shape {bvh.blocks.shape}; expected (b, {BVH_BLOCK_WORDS})")
+    if bvh.blocks.ndim != 2 or bvh.blocks.shape[1] != BLOCK_WORDS or not len(bvh.blocks):
+        raise BvhError(f"blocks have shape {bvh.blocks.shape}; expected (b, {BLOCK_WORDS})")
     vertices = np.concatenate([curves.points, curves.radii[:, None]], axis=1)
     if not np.array_equal(bvh.vertices, vertices):
         raise BvhError("the vertices of the tree are not those of the groom")
@@ -46,21 +56,21 @@ def _check_copies(bvh: BvhArrays, curves: Curves) -> None:
 
 def _lanes(blocks: NDArray[np.uint32]):
     """Masks (b, 8) of lanes in use and of segments, mask (b,) of boxes, references (b, 8)."""
-    kinds, bit = blocks[:, 22], np.arange(8)
+    kinds, bit = blocks[:, BLOCK_LANES], np.arange(BVH_WIDTH)
     used = (kinds[:, None] >> bit & 1).astype(bool)
-    is_segment = (kinds[:, None] >> (8 + bit) & 1).astype(bool)
-    is_boxes = (kinds & BOXES) != 0
-    steps = blocks.view(np.float32)[:, 4:7]
+    is_segment = (kinds[:, None] >> (BVH_WIDTH + bit) & 1).astype(bool)
+    is_boxes = (kinds & BLOCK_BOXES) != 0
+    steps = blocks.view(np.float32)[:, BLOCK_STEP : BLOCK_STEP + 3]
     for name, wrong in (
         ("no lane is in use", ~used.any(axis=1)),
         ("a lane that is not in use is a segment", (is_segment & ~used).any(axis=1)),
         ("a segment is bounded by a box", is_boxes & is_segment.any(axis=1)),
-        ("an unknown flag is set", kinds >= 2 * BOXES),
+        ("an unknown flag is set", kinds >= 2 * BLOCK_BOXES),
         ("the steps of a grid of capsules differ", ~is_boxes & (np.ptp(steps, axis=1) != 0.0)),
     ):
         if wrong.any():
             raise BvhError(f"block {int(np.argmax(wrong))}: {name}")
-    return used, is_segment, is_boxes, blocks[:, 24:]
+    return used, is_segment, is_boxes, blocks[:, BLOCK_REFERENCES:]
 
 
 def _parents(is_subtree: NDArray[np.bool_], references: NDArray[np.uint32]):
@@ -98,13 +108,15 @@ def _check_segments(found: NDArray[np.uint32], curves: Curves) -> None:
 def _check_inside(blocks, is_boxes, block, lane, segment, curves: Curves) -> None:
     """Every segment lies, with its radius, inside the bounds of its (block, lane)."""
     floats, rows = blocks.view(np.float32), blocks.view(np.uint8)
-    origin = floats[block, :3].astype(np.float64)
-    step = floats[block, 4:7].astype(np.float64)
+    origin = floats[block, BLOCK_ORIGIN : BLOCK_ORIGIN + 3].astype(np.float64)
+    step = floats[block, BLOCK_STEP : BLOCK_STEP + 3].astype(np.float64)
     ends = np.empty((2, len(block), 3))  # of a capsule's axis, or lower and upper faces of a box
     for i in range(2):
         for k in range(3):
-            ends[i, :, k] = origin[:, k] + step[:, k] * rows[block, 32 + 16 * k + 8 * i + lane]
-    radius = floats[block, 3].astype(np.float64) * rows[block, 80 + lane]
+            cell = rows[block, block_bytes(2 * k + i).start + lane]
+            ends[i, :, k] = origin[:, k] + step[:, k] * cell
+    radius = floats[block, BLOCK_UNIT].astype(np.float64)
+    radius = radius * rows[block, block_bytes(ROW_RADIUS).start + lane]
     boxes = is_boxes[block]
     for vertex in (segment, segment + 1):
         p = curves.points[vertex].astype(np.float64)

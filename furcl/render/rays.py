@@ -1,4 +1,4 @@
-"""Rays through a tree on a device: builds and launches of kernels, and plain arrays of rays."""
+"""Plain arrays of rays through the tree of a groom, for benchmarks and tests."""
 
 from __future__ import annotations
 
@@ -7,45 +7,13 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from furcl.bvh.build import build_bvh
-from furcl.device import index_checks, launch, program
+from furcl.device import program
 from furcl.device.choice import Device
 from furcl.device.features import Features
-from furcl.device.layout import BVH_BLOCK_WORDS, NO_SEGMENT
+from furcl.device.launch import ray_defines, ray_grid
+from furcl.device.layout import NO_SEGMENT
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
-
-# Rays that a work-item takes, those of them under way at a time, work-items in a group:
-# docs/performance.md tells what other numbers give.
-_CPU = (128, 32, 1)
-_GPU = (1, 1, 64)
-
-
-def defines(device: Device) -> dict[str, int]:
-    """What kernels/stages/intersect.cl is built with, for a device."""
-    per_item, in_flight, _ = _CPU if device.is_cpu else _GPU
-    return {"FURCL_RAYS_PER_ITEM": per_item, "FURCL_RAYS_IN_FLIGHT": in_flight}
-
-
-def launch_size(device: Device, n_rays: int) -> tuple[tuple[int], tuple[int]]:
-    """Global and local size of a launch of kernels/stages/intersect.cl over `n_rays` rays."""
-    per_item, _, local = _CPU if device.is_cpu else _GPU
-    return launch.grid(n_rays, per_item, local)
-
-
-def no_geometry(memory: Memory) -> list[cl.Buffer | np.uint32]:
-    """In place of `Bvh.arguments`, for launches over nothing: kernels need every argument."""
-    nothing = memory.upload("no geometry", np.zeros(0, np.uint32))
-    return [nothing, nothing, nothing, np.uint32(0), np.uint32(0)]
-
-
-def watch(
-    checks: index_checks.IndexChecks, geometry: list[cl.Buffer | np.uint32], n_vertices: int
-) -> None:
-    """Watch the indices of a tree: its record is behind the strand offsets."""
-    blocks, _, offsets = (x for x in geometry if isinstance(x, cl.Buffer))
-    n_blocks = (blocks.size - index_checks.RECORD_BYTES) // (4 * BVH_BLOCK_WORDS) - 1
-    checks.watch(offsets, n_vertices=n_vertices, n_blocks=n_blocks)
-
 
 class Rays:
     """Rays that stay on the device while they are traced, once or many times.
@@ -106,7 +74,7 @@ class Tracer:
         self.bvh = build_bvh(self.memory, curves, point_radii)
         self.geometry = self.bvh.arguments()
         features = Features(point_radii=point_radii)
-        built = program.build(device, "stages/intersect.cl", features, defines(device))
+        built = program.build(device, "tools/trace_rays.cl", features, ray_defines(device))
         self._closest = cl.Kernel(built, "trace_rays")
         self._shadow = cl.Kernel(built, "trace_shadow_rays")
 
@@ -114,7 +82,7 @@ class Tracer:
         """Start the search for nearest hits; `hits` reads them."""
         return self._closest(
             self.device.queue,
-            *launch_size(self.device, rays.n),
+            *ray_grid(self.device, rays.n),
             np.uint32(rays.n),
             *rays.inputs,
             *rays.outputs,
@@ -125,7 +93,7 @@ class Tracer:
         """Start the search for any hits; `occluded` reads them."""
         return self._shadow(
             self.device.queue,
-            *launch_size(self.device, rays.n),
+            *ray_grid(self.device, rays.n),
             np.uint32(rays.n),
             *rays.inputs,
             rays.outputs[1],

@@ -7,30 +7,21 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import Future
 
 import numpy as np
-import pyopencl as cl
 
-from furcl.bvh import embree
-from furcl.bvh.build import BUFFERS, build_bvh
-from furcl.device import index_checks, layout
+from furcl.bvh.build import BUFFERS
+from furcl.device import layout
 from furcl.device.choice import Device, open_device
-from furcl.device.features import LOBES, Features
 from furcl.device.memory import Memory
-from furcl.fibre.material import build_material
 from furcl.groom.curves import Curves
 from furcl.image.image import Image
-from furcl.light.environment import Environment
-from furcl.render.film import Film
-from furcl.render.scene_structs import camera_struct
-from furcl.render.specialise import everything_on, left_out, scene_features, summary
-from furcl.render.wave_size import WaveSize
-from furcl.render.wavefront import QueueLengths, Wavefront
+from furcl.render.setup import Setup, set_up
+from furcl.render.specialise import left_out, summary
+from furcl.render.wavefront import QueueLengths
 from furcl.scene.read import with_overrides
 from furcl.scene.tables import Scene
-from furcl.surface.ellipsoid import body_struct
 from furcl.version import software
 
 log = logging.getLogger(__name__)
@@ -55,18 +46,19 @@ class Renderer:
     ----------
     scene : Scene
     device : str, Device or None    as for `furcl.render`
-    wave_size : int or None         paths traced together; None: what furcl.render.wave_size finds
+    wave_size : int or None         paths traced together; None: by furcl.render.wave_size
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
     curves : Curves, Future or None     the scene's groom, where it is there or on its way
 
     Attributes
     ----------
-    seconds : dict[str, float]      curves (from here on), bvh, tables, compile, render [s]; the
-                                    first two pass while the next two do
+    setup : Setup                   what the scene has on the device; its features, material, film
+                                    and wavefront are attributes of the renderer too
+    seconds : dict[str, float]      those of the set-up, and render [s]
     samples_done : int              whole samples a pixel
     rays, shadow_rays : int         rays of all kinds, and those to lights
-    hits, misses : int              what the others met: fibres and the body, or nothing
+    hits, misses : int              what the others met: fibres and surfaces, or nothing
 
     Raises
     ------
@@ -84,70 +76,17 @@ class Renderer:
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
-        self.seconds: dict[str, float] = {}
-        self.lobe_counts = np.zeros(6, np.int64)
+        self.setup: Setup = set_up(
+            self.memory, scene, wave_size=wave_size, specialised=specialised, curves=curves
+        )
+        self.features = self.setup.features
+        self.material = self.setup.material
+        self.film = self.setup.film
+        self.wavefront = self.setup.wavefront
+        self.wave_size = self.setup.wave_size
+        self.seconds = dict(self.setup.seconds)
+        self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
         self._forget_counts()
-        environment = Environment.from_scene(scene.environment)
-        self.environment_pixels_clamped = environment.n_negative
-        fibre = scene.build_fibre()
-        features = scene_features(scene, fibre, environment)
-        self._specialised = specialised
-        if not specialised:
-            features = everything_on(features)
-        # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
-        with ThreadPoolExecutor(1) as beside:
-            groom = beside.submit(self._take_groom, curves)
-            geometry = beside.submit(self._build_geometry, groom, features)
-            embree.load()
-            if groom.done():
-                groom.result()  # a file that cannot be used says so before tables are made
-            with self._timed("tables"):
-                self.material = build_material(self.memory, fibre, features, drop_lobes=specialised)
-            curves = groom.result()
-            self.features = self._with_groom(self.material.features, curves)
-            self._prepare_stages(scene, curves, environment, wave_size)
-            self.wavefront.place(geometry.result())
-
-    def _take_groom(self, curves: Curves | Future[Curves] | None) -> Curves:
-        """Grow or read the groom, or wait for it."""
-        with self._timed("curves"):
-            given = curves.result() if isinstance(curves, Future) else curves
-            return given or self.scene.build_curves()
-
-    def _with_groom(self, features: Features, curves: Curves) -> Features:
-        """Features without what the groom does not need."""
-        return features.with_(point_radii=not (self._specialised and curves.one_radius))
-
-    def _build_geometry(
-        self, groom: Future[Curves], features: Features
-    ) -> list[cl.Buffer | np.uint32]:
-        """Build the tree on the device."""
-        curves = groom.result()
-        with self._timed("bvh"):
-            point_radii = self._with_groom(features, curves).point_radii
-            bvh = build_bvh(self.memory, curves, point_radii, debug=features.debug)
-        self.n_segments = bvh.n_segments
-        return bvh.arguments()
-
-    def _prepare_stages(
-        self, scene: Scene, curves: Curves, environment: Environment, wave_size: int | None
-    ) -> None:
-        """Compile the kernels and allocate what they work on."""
-        light = environment.device_buffer(self.features.light_sampling)
-        self.film = Film.allocate(self.memory, scene.film.width, scene.film.height, self.features)
-        self.wave_size = WaveSize(self.device, self.features, self.n_pixels, wave_size)
-        with self._timed("compile"):
-            self.wavefront = Wavefront(
-                self.memory,
-                self.features,
-                self.material,
-                index_checks.upload(self.memory, "environment", light, self.features.debug),
-                camera_struct(scene, curves),
-                body_struct(scene.body),
-                self.film,
-                curves.n_points,
-                self.wave_size.capacity,
-            )
 
     @property
     def n_pixels(self) -> int:
@@ -185,30 +124,26 @@ class Renderer:
         """
         start, first = time.perf_counter(), self.paths_done
         end = first + spp * self.n_pixels
-        with self._timed("render"):
+        try:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
                     break
-                began = time.perf_counter()
                 wave = self._next_wave(end)
                 self._trace(wave)
                 if not self.paths_done:
                     self.device.queue.finish()
                     log.debug(FIRST_SAMPLES)
                 self.paths_done += int(wave["n_paths"])
-                self.wave_size.record(int(wave["n_paths"]), time.perf_counter() - began)
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
                     self._count_lobes()
                 if progress and progress(self.paths_done - first, end - first):
                     break
             self._count_lobes()
             self.device.queue.finish()
+        finally:
+            passed = time.perf_counter() - start
+            self.seconds["render"] = self.seconds.get("render", 0.0) + passed
         return self.paths_done == end
-
-    def settle(self) -> None:
-        """Add samples until the wave size is found, so that what follows can be timed."""
-        while self.wave_size.probing:
-            self.advance(1)
 
     def _trace(self, wave: np.ndarray) -> None:
         """One wave from the camera to the film.
@@ -224,8 +159,7 @@ class Renderer:
             stages.intersect_closest(wave, active)
             stages.shade_escaped(wave, active)
             if depth < self.scene.render.max_depth:
-                stages.sample_lobe_h(wave, active, depth)
-                stages.shade(wave, active, depth)
+                stages.scatter(wave, active, depth)
                 stages.intersect_shadow(wave, active)
             before, lengths = lengths, stages.swap()
             if before:
@@ -242,15 +176,14 @@ class Renderer:
         active, shadows = int(counts[layout.COUNT_NEXT]), int(counts[layout.COUNT_SHADOWS])
         self.rays += active + shadows
         self.shadow_rays += shadows
-        self.hits += int(counts[layout.COUNT_HITS])
+        self.hits += int(counts[layout.COUNT_HITS :].sum())
         self.misses += int(counts[layout.COUNT_MISSES])
         return active
 
     def _count_lobes(self) -> None:
         """Take the counts of chosen lobes over from the device."""
         if self.features.statistics:
-            counted = self.wavefront.read_lobe_counts()
-            self.lobe_counts[: len(counted)] += counted
+            self.lobe_counts += self.wavefront.read_lobe_counts()
         self._rays_with_lobes = self.rays
 
     def _next_wave(self, end: int) -> np.ndarray:
@@ -259,7 +192,7 @@ class Renderer:
         wave = np.zeros((), layout.struct_dtype("Wave"))
         wave["width"], wave["height"] = self.film.width, self.film.height
         wave["first_pixel"], wave["first_sample"] = pixel, sample
-        wave["n_paths"] = min(self.wave_size.limit(), end - self.paths_done)
+        wave["n_paths"] = min(self.wave_size.paths, end - self.paths_done)
         wave["n_slots"] = self.wavefront.n_slots
         wave["seed"] = self.scene.render.seed
         wave["roulette_depth"] = self.scene.render.roulette_depth
@@ -278,11 +211,10 @@ class Renderer:
     def stats(self) -> dict:
         """What `--stats` writes; times in seconds, sizes in bytes."""
         render = self.seconds.get("render", 0.0)
-        names = (*LOBES, "residual")
         return {
             **software(),
             "scene": self.scene.name,
-            "environment_pixels_clamped": self.environment_pixels_clamped,
+            "environment_pixels_clamped": self.setup.n_negative,
             "device": self.device.name,
             "platform": self.device.platform,
             "driver": self.device.driver_version,
@@ -291,10 +223,10 @@ class Renderer:
             "sampling": self.scene.render.sampling,
             "width": self.film.width,
             "height": self.film.height,
-            "segments": self.n_segments,
+            "segments": self.setup.n_segments,
             "features": {
-                "compiled": self.features.as_dict(),
-                "left_out": left_out(self.features),
+                "compiled": self.material.features.as_dict(),
+                "left_out": left_out(self.material),
             },
             "seconds": dict(self.seconds),
             "paths": self.paths_done,
@@ -302,28 +234,17 @@ class Renderer:
             "mrays_s": self.rays / render / 1e6 if render else 0.0,
             "path_length": (self.rays - self.shadow_rays) / max(self.paths_done, 1),
             "hits_per_path": int(self.lobe_counts.sum()) / max(self.paths_done, 1),
-            "lobes": {
-                name: int(self.lobe_counts[i])
-                for i, name in enumerate(names[: self.features.n_lobes])
-            },
+            "lobes": dict(zip(self.material.lobes, self.lobe_counts.tolist(), strict=True)),
             "nonfinite": self.film.read_nonfinite(self.memory),
             "bytes": {
                 "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
                 "device_peak": self.memory.peak_bytes,
                 "bvh": sum(self.memory.bytes[name] for name in BUFFERS),
-                "tables": self.memory.bytes["tables"] + self.memory.bytes["profiles"],
+                "tables": self.memory.bytes["material"],
             },
             "wave_size": self.wave_size.paths,
             "wave_size_from": self.wave_size.origin,
         }
-
-    @contextmanager
-    def _timed(self, name: str):
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
 def render(
@@ -350,7 +271,7 @@ def render(
                                         stops the render by returning true
     time_limit : float or None          stop between waves after this time [s]
     wave_size : int or None             paths traced together; changes no bit of the result; None:
-                                        what is fastest on the device
+                                        a constant of the kind of device
     curves : Curves, Future or None     the scene's groom, where it is there or on its way
 
     Returns

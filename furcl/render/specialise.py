@@ -3,33 +3,43 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 from furcl.device.features import Features
-from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.material import NEGLIGIBLE_SHARE, fibre_features
-from furcl.light.environment import ConstantLight, Environment
+from furcl.errors import SceneError
+from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
+from furcl.fibre.model import model_of
+from furcl.light.model import Light
 from furcl.scene.tables import Scene
-from furcl.table import triple
+from furcl.surface.ellipsoid import PART as ELLIPSOID
 
 
-def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Features:
+def scene_features(scene: Scene, fibre: Any, light: Light) -> Features:
     """What the kernels of a scene, with what is built from it, need, whatever the groom is.
 
-    The environment is sampled (MIS) where `light_sampling` says so, and by "auto" unless it is
-    constant: then every direction is worth the same and sampling it gains nothing. With
-    FURCL_DEBUG=1 in the environment kernels check their indices.
+    The light is sampled (MIS) where `light_sampling` says so, and by "auto" unless every direction
+    is worth the same. With FURCL_DEBUG=1 in the environment kernels check their indices.
+
+    Raises
+    ------
+    SceneError      light_sampling = "bcsdf" with a light that only light samples can find
     """
     render = scene.render
+    if render.light_sampling == "bcsdf" and not light.at_infinity:
+        raise SceneError(
+            f"scene {scene.name!r}: render.light_sampling = 'bcsdf' never finds a light of kind "
+            f"{light.kind!r}; allowed are 'mis' and 'auto'"
+        )
     light_sampling = render.light_sampling == "mis" or (
-        render.light_sampling == "auto" and environment.kind != "constant"
+        render.light_sampling == "auto" and (light.worth_sampling or not light.at_infinity)
     )
-    features = fibre_features(fibre, sampling=render.sampling, residual=render.residual)
-    grey = features.channels == 1 and _is_grey(scene, environment)
-    return features.with_(
+    grey = model_of(fibre).is_grey(fibre) and light.grey
+    grey = grey and (scene.body is None or scene.body.is_grey)
+    return Features(
+        light=light.part(),
+        surface=scene.body.part if scene.body is not None else None,
         channels=1 if grey else 3,
-        environment=environment.kind,
         light_sampling=light_sampling,
-        body=scene.body is not None,
         lens=scene.camera.aperture_radius > 0.0,
         filter=scene.film.filter,
         roulette=render.roulette_depth < render.max_depth,
@@ -42,20 +52,14 @@ def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Feat
 def everything_on(features: Features) -> Features:
     """The same expected picture from kernels with all the code that some scene could need.
 
-    What chooses another picture or the subject of a comparison stays as it is: sampler,
-    environment, pixel filter and the residual lobe. The environment is sampled always.
+    What chooses another picture or the subject of a comparison stays as it is: fibre model, light,
+    pixel filter. The light is sampled always.
     """
     return features.with_(
         channels=3,
-        medulla=True,
-        scattered=True,
-        profile_channels=3,
-        layered=True,
-        tilt=True,
-        dropped_lobes=(),
         light_sampling=True,
         point_radii=True,
-        body=True,
+        surface=features.surface or ELLIPSOID,
         lens=True,
         roulette=True,
         variance=True,
@@ -63,52 +67,43 @@ def everything_on(features: Features) -> Features:
     )
 
 
-def _is_grey(scene: Scene, environment: Environment) -> bool:
-    light = isinstance(environment, ConstantLight) and len(set(environment.value.tolist())) == 1
-    body = scene.body is None or len(set(triple(scene.body.albedo))) == 1
-    return light and body
-
-
-def _parts(features: Features) -> dict[str, tuple[bool, str]]:
+def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     """Feature -> whether a build has it, and why it might not."""
+    features = material.features
+    tables = material.tables is not None
     return {
-        "medulla": (features.medulla, "kappa is 0, or nothing absorbs or scatters"),
-        "scattered": (features.scattered, "kappa or sigma_ms is 0: lobes TTs and TRTs, profiles"),
-        "profile_channels": (features.profile_channels > 0, "sigma_ma is 0: no medulla absorption"),
-        "layered": (features.layered, "layers is 1/2: the cuticle is a plain interface"),
-        "tilt": (features.tilt, "alpha is 0"),
-        "residual": (features.residual, "render.residual is false: lobe TRRT+"),
+        **material.fibre_features.optional(),
         "colour": (features.channels == 3, "fibre, light and body are grey: one channel"),
         "light_sampling": (features.light_sampling, "the environment is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
-        "body": (features.body, "the scene has no body"),
+        "body": (features.surface is not None, "the scene has no body"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),
-        "tables": (features.sampler.needs_tables, "the sampler needs no attenuation tables"),
+        "tables": (tables, "the sampler needs no attenuation tables"),
         "variance": (features.variance, "no variance was asked for"),
         "statistics": (features.statistics, "no statistics were asked for"),
         "debug": (features.debug, "FURCL_DEBUG is not set"),
     }
 
 
-def compiled_in(features: Features) -> list[str]:
-    """What a build has of all that can be left out: features, then lobes."""
-    parts = [name for name, (there, _) in _parts(features).items() if there]
-    return [*parts, *(f"lobe {name}" for name in features.lobes)]
+def compiled_in(material: FibreMaterial) -> list[str]:
+    """What the kernels have of all that can be left out: features, then lobes."""
+    parts = [name for name, (there, _) in _parts(material).items() if there]
+    return [*parts, *(f"lobe {name}" for name in material.fibre_features.lobes)]
 
 
-def left_out(features: Features) -> dict[str, str]:
-    """What a build does without, and why: feature -> reason."""
-    absent = {name: reason for name, (there, reason) in _parts(features).items() if not there}
-    for lobe in features.dropped_lobes:
+def left_out(material: FibreMaterial) -> dict[str, str]:
+    """What the kernels do without, and why: feature -> reason."""
+    absent = {name: reason for name, (there, reason) in _parts(material).items() if not there}
+    for lobe in material.fibre_features.dropped_lobes:
         absent[f"lobe {lobe}"] = f"less than {NEGLIGIBLE_SHARE:g} of the energy at every theta"
     return absent
 
 
-def summary(features: Features, device_bytes: int, compile_seconds: float) -> str:
+def summary(material: FibreMaterial, device_bytes: int, compile_seconds: float) -> str:
     """One line for the log: what is in, what is left out, and what it took."""
     return (
-        f"compiled in: {', '.join(compiled_in(features))}; left out: "
-        f"{', '.join(left_out(features)) or 'nothing'}; {device_bytes / 2**20:.1f} MiB on the "
+        f"compiled in: {', '.join(compiled_in(material))}; left out: "
+        f"{', '.join(left_out(material)) or 'nothing'}; {device_bytes / 2**20:.1f} MiB on the "
         f"device, compiled in {compile_seconds:.2f} s"
     )

@@ -7,27 +7,48 @@ from collections import defaultdict
 import numpy as np
 import pyopencl as cl
 
-from furcl.device import layout, program, queue_launch
+from furcl.bvh.build import no_geometry, watch
+from furcl.device import layout, program
 from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.index_checks import RECORD_BYTES, IndexChecks
-from furcl.device.launch import LOCAL_SIZE, grid
+from furcl.device.launch import (
+    LOCAL_SIZE,
+    Size,
+    grid,
+    path_defines,
+    path_grid,
+    ray_defines,
+    ray_grid,
+)
 from furcl.device.memory import Memory, fill
-from furcl.fibre.material import Material
-from furcl.render import rays
+from furcl.fibre.material import FibreMaterial
 from furcl.render.film import Film
 
-STAGES = {
-    "generate": "stages/generate.cl",
-    "intersect_closest": "stages/intersect.cl",
-    "shade_escaped": "stages/shade.cl",
-    "sample_lobe_h": "stages/sample_lobe_h.cl",
-    "shade": "stages/shade.cl",
-    "intersect_shadow": "stages/intersect.cl",
-    "add_to_film": "stages/film.cl",
-}
 RAY_STAGES = ("intersect_closest", "intersect_shadow")
-QUEUE_STAGES = ("shade_escaped", "sample_lobe_h", "shade")
+QUEUE_STAGES = ("shade_escaped", "sample_lobe_h", "shade", "shade_surface")
+
+
+def stage_files(features: Features) -> dict[str, str]:
+    """Kernel of each stage that a scene has -> its file."""
+    files = {
+        "generate": "stages/generate.cl",
+        "intersect_closest": "stages/intersect.cl",
+        "shade_escaped": "stages/shade_escaped.cl",
+        "sample_lobe_h": "stages/sample_lobe_h.cl",
+        "shade": "stages/shade.cl",
+        "add_to_film": "stages/film.cl",
+    }
+    if features.surface is not None:
+        files["shade_surface"] = "stages/shade_surface.cl"
+    if features.light_sampling:
+        files["intersect_shadow"] = "stages/intersect.cl"
+    return files
+
+
+def stage_defines(stage: str, device: Device) -> dict[str, int]:
+    """The launch sizes that a stage is built with, for a device."""
+    return {**path_defines(device), **(ray_defines(device) if stage in RAY_STAGES else {})}
 
 
 class Stage:
@@ -72,8 +93,11 @@ class Wavefront:
 
     Parameters
     ----------
-    environment : Buffer            of furcl.device.index_checks.upload
-    camera, body : structs of layout.STRUCTS
+    features : Features             of the scene; the material's kernels have its own
+    material : FibreMaterial
+    surface : struct or None        SurfaceParams, where the features have a surface
+    light : Buffer                  of furcl.device.index_checks.upload
+    camera : struct Camera
     n_vertices : int                of the groom, for the index checks
     n_slots : int                   paths that can be traced together, at least
 
@@ -88,62 +112,70 @@ class Wavefront:
         self,
         memory: Memory,
         features: Features,
-        material: Material,
-        environment: cl.Buffer,
+        material: FibreMaterial,
+        surface: np.ndarray | None,
+        light: cl.Buffer,
         camera: np.ndarray,
-        body: np.ndarray,
         film: Film,
         n_vertices: int,
         n_slots: int,
     ) -> None:
-        device: Device = memory.device
-        self.queue = device.queue
+        self.queue = memory.device.queue
         self.memory = memory
         self.features = features
         self.material = material
-        self.environment = environment
+        self._surface = [] if features.surface is None else [surface]
+        self.light = light
         self.camera = camera
-        self.body = body
         self.film = film
         n_slots = layout.whole_blocks(n_slots)
         self.n_slots = np.uint32(n_slots)
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
         self.keep_events = False
-        extra: dict[str, dict[str, int]] = {
-            **dict.fromkeys(RAY_STAGES, rays.defines(device)),
-            **dict.fromkeys(QUEUE_STAGES, queue_launch.defines(device)),
-        }
-        self._stages = {
-            stage: Stage(cl.Kernel(program.build(device, file, features, extra.get(stage)), stage))
-            for stage, file in STAGES.items()
-            if stage != "intersect_shadow" or features.light_sampling
-        }
+        self._stages = self._build_stages()
         n_planes = len(layout.planes(features))
         self.checks = IndexChecks(self.queue, features)
         self.n_vertices = n_vertices
         record = RECORD_BYTES if features.debug else 0
         self.state = memory.allocate("path state", 4 * n_planes * n_slots + record)
         self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.sums.size // 4)
-        for buffer in (material.table_buffer, material.profile_buffer, environment):
+        for buffer in (material.buffer, light):
             self.checks.watch(buffer)
-        self.active, self.next, self.hits, self.misses, self.shadows = (
+        self.active, self.next, self.misses, self.shadows = (
             memory.allocate(f"queue {name}", 4 * n_slots)
-            for name in ("active", "next", "hits", "misses", "shadows")
+            for name in ("active", "next", "misses", "shadows")
         )
+        n_materials = 1 if features.surface is None else len(layout.MATERIALS)
+        self.hits = memory.allocate("queues hits", 4 * n_slots * n_materials)
         # Lengths of the active queue (of the bounce before) and of the queues being filled.
         self.active_counts, self.counts = (
             memory.allocate(f"queue lengths {name}", 4 * layout.N_COUNTS) for name in ("in", "out")
         )
-        self.lobe_counts = memory.allocate("lobe counts", 4 * 8, zero=True)
-        self.geometry = rays.no_geometry(memory)
-        self.vertices = self.geometry[1]
+        self.lobe_counts = memory.allocate("lobe counts", 4 * len(material.lobes), zero=True)
+        self.geometry = no_geometry(memory)
         self._warm_up()
 
-    def place(self, geometry: list[cl.Buffer | np.uint32]) -> None:
+    def _build_stages(self) -> dict[str, Stage]:
+        """Compile the kernels."""
+        device = self.memory.device
+        of_material = {"sample_lobe_h": self.material.features, "shade": self.material.features}
+        stages = {}
+        for stage, file in stage_files(self.features).items():
+            features = of_material.get(stage, self.features)
+            built = program.build(device, file, features, stage_defines(stage, device))
+            stages[stage] = Stage(cl.Kernel(built, stage))
+        return stages
+
+    def place(self, geometry: list[cl.Buffer]) -> None:
         """Set the tree that rays are sent through: what furcl.bvh.build.Bvh.arguments returns."""
         self.geometry = geometry
-        self.vertices = geometry[1]
-        rays.watch(self.checks, geometry, self.n_vertices)
+        if self.features.debug:
+            watch(self.checks, geometry, self.n_vertices)
+
+    @property
+    def vertices(self) -> cl.Buffer:
+        """The groom's vertices."""
+        return self.geometry[1]
 
     def _warm_up(self) -> None:
         """Launch every stage over nothing, in the two grid sizes that runtimes compile for.
@@ -158,8 +190,7 @@ class Wavefront:
             self._launch("generate", n, self.state, self.active, wave, self.camera)
             self.intersect_closest(wave, n)
             self.shade_escaped(wave, n)
-            self.sample_lobe_h(wave, n, 0)
-            self.shade(wave, n, 0)
+            self.scatter(wave, n, 0)
             self.intersect_shadow(wave, n)
             self._launch_film(wave, n)
         self.queue.finish()
@@ -188,15 +219,20 @@ class Wavefront:
             self.active_counts,
             self.counts,
             self.n_slots,
-            self.body,
             *self.geometry,
+            *self._surface,
         )
 
     def shade_escaped(self, wave: np.ndarray, active: int) -> None:
-        """Add the environment to the paths that met nothing; they end."""
-        self._launch(
-            "shade_escaped", active, self.state, self.misses, self.counts, wave, self.environment
-        )
+        """Add the light to the paths that met nothing; they end."""
+        self._launch("shade_escaped", active, self.state, self.misses, self.counts, wave, self.light)
+
+    def scatter(self, wave: np.ndarray, active: int, depth: int) -> None:
+        """Continue the paths that met something, material by material."""
+        self.sample_lobe_h(wave, active, depth)
+        self.shade(wave, active, depth)
+        if self.features.surface is not None:
+            self.shade_surface(wave, active, depth)
 
     def sample_lobe_h(self, wave: np.ndarray, active: int, depth: int) -> None:
         """Choose lobe and offset for the paths that met a fibre."""
@@ -208,15 +244,13 @@ class Wavefront:
             self.counts,
             wave,
             np.uint32(depth),
-            self.material.params,
             self.vertices,
-            self.material.table_buffer,
-            self.material.profile_buffer,
+            self.material.buffer,
             self.lobe_counts,
         )
 
     def shade(self, wave: np.ndarray, active: int, depth: int) -> None:
-        """Continue the paths that met something: fills the next and shadow queues."""
+        """Continue the paths that met a fibre: fills the next and shadow queues."""
         self._launch(
             "shade",
             active,
@@ -227,12 +261,25 @@ class Wavefront:
             self.counts,
             wave,
             np.uint32(depth),
-            self.material.params,
-            self.body,
             self.vertices,
-            self.material.table_buffer,
-            self.material.profile_buffer,
-            self.environment,
+            self.material.buffer,
+            self.light,
+        )
+
+    def shade_surface(self, wave: np.ndarray, active: int, depth: int) -> None:
+        """Continue the paths that met the surface: fills the next and shadow queues."""
+        self._launch(
+            "shade_surface",
+            active,
+            self.state,
+            self.hits,
+            self.next,
+            self.shadows,
+            self.counts,
+            wave,
+            np.uint32(depth),
+            *self._surface,
+            self.light,
         )
 
     def intersect_shadow(self, wave: np.ndarray, active: int) -> None:
@@ -245,8 +292,8 @@ class Wavefront:
                 self.shadows,
                 self.counts,
                 self.n_slots,
-                self.body,
                 *self.geometry,
+                *self._surface,
             )
 
     def swap(self) -> QueueLengths:
@@ -273,17 +320,20 @@ class Wavefront:
 
     def read_lobe_counts(self) -> np.ndarray:
         """Selections of each lobe since the last call, (n_lobes,) int64; sets them to zero."""
-        counts = self.memory.read(self.lobe_counts, 8, np.uint32)[: self.features.n_lobes]
-        fill(self.queue, self.lobe_counts, 0, 4 * 8)
+        n = len(self.material.lobes)
+        counts = self.memory.read(self.lobe_counts, n, np.uint32)
+        fill(self.queue, self.lobe_counts, 0, 4 * n)
         return counts.astype(np.int64)
 
-    def _launch(self, stage: str, n: int, *arguments) -> None:
+    def _size(self, stage: str, n: int) -> Size:
         if stage in RAY_STAGES:
-            size, local = rays.launch_size(self.memory.device, n)
-        elif stage in QUEUE_STAGES:
-            size, local = queue_launch.launch_size(self.memory.device, n)
-        else:
-            size, local = grid(n, local=LOCAL_SIZE)
+            return ray_grid(self.memory.device, n)
+        if stage in QUEUE_STAGES:
+            return path_grid(self.memory.device, n)
+        return grid(n, local=LOCAL_SIZE)
+
+    def _launch(self, stage: str, n: int, *arguments) -> None:
+        size, local = self._size(stage, n)
         event = self._stages[stage].launch(self.queue, size, local, *arguments)
         if self.keep_events:
             self.events[stage].append(event)

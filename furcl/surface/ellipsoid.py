@@ -1,21 +1,29 @@
-"""An ellipsoid inside the groom: its table in a scene, and what the kernels take of it."""
+"""An ellipsoid inside the groom."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl.device import layout
-from furcl.table import Length, Rgb, Table, Vec3, check_range, triple
+from furcl.device.layout import struct_dtype
+from furcl.surface.model import Surface, SurfacePart
+from furcl.table import Length, Rgb, Vec3, check_range, triple
 
-# Where the body is that kernels with body code get for a scene without one.
-NOWHERE = 1e12
+PART = SurfacePart(
+    "ellipsoid",
+    Path("surface/ellipsoid.clh"),
+    (("centre", "float4"), ("inv_radii", "float4"), ("albedo", "float4")),
+)
 
 
-class Body(Table, frozen=True, kw_only=True):
+class Body(Surface, frozen=True, kw_only=True):
     """Diffuse ellipsoid inside the groom that stops light."""
+
+    part: ClassVar[SurfacePart] = PART
 
     centre: Vec3 = (0.0, 0.0, 0.0)
     radii: tuple[Length, Length, Length] = (1.0, 1.0, 1.0)
@@ -24,8 +32,18 @@ class Body(Table, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         check_range("albedo", self.albedo, 0.0, 1.0)
 
-    def surface_points(self) -> NDArray[np.float64]:
-        """Points (n, 3) spread over the ellipsoid."""
+    @property
+    def is_grey(self) -> bool:
+        return len(set(triple(self.albedo))) == 1
+
+    def params(self) -> np.ndarray:
+        out = np.zeros((), struct_dtype(PART.struct))
+        out["centre"][:3] = self.centre
+        out["inv_radii"][:3] = np.reciprocal(np.array(self.radii, np.float64))
+        out["albedo"][:3] = triple(self.albedo)
+        return out
+
+    def points(self) -> NDArray[np.float64]:
         n = 2000
         z = (2.0 * np.arange(n) + 1.0) / n - 1.0
         phi = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
@@ -34,12 +52,5 @@ class Body(Table, frozen=True, kw_only=True):
         return np.array(self.centre) + unit * np.array(self.radii)
 
 
-def body_struct(body: Body | None) -> np.ndarray:
-    """The struct Body of a body; of none a unit sphere that no ray meets."""
-    out = np.zeros((), layout.struct_dtype("Body"))
-    out["centre"][:3], out["inv_radii"][:3] = NOWHERE, 1.0
-    if body is not None:
-        out["centre"][:3] = body.centre
-        out["inv_radii"][:3] = np.reciprocal(np.array(body.radii, np.float64))
-        out["albedo"][:3] = triple(body.albedo)
-    return out
+#: A surface that no ray meets, for kernels with code for one and a scene without.
+NOWHERE = Body(centre=(1e9, 1e9, 1e9))

@@ -8,7 +8,6 @@
 #include "bvh/write_block.clh"
 
 #define CAPSULE_LIMIT 512  /* segments; lanes with more are bounded by boxes */
-#define NOWHERE 0xFFFFFFFFu
 
 /* Boxes for Embree: lower, unused, upper, number.
 
@@ -23,7 +22,7 @@ __kernel void bound_segments(const uint n, __global const uint* segments,
     if (i >= n) return;
     const uint v = segments[i];
     float3 lower, upper;
-    segment_box(VERTEX(vertices, v), VERTEX(vertices, v + 1), &lower, &upper);
+    segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1), &lower, &upper);
     boxes[2 * i] = (float4)(lower, 0.0f);
     boxes[2 * i + 1] = (float4)(upper, as_float(v));
 }
@@ -51,7 +50,7 @@ __kernel void summarise(
         float8 child_cost = (float8)(0.0f);
         if (child < 0) {
             const uint v = leaves[~child];
-            segment_box(VERTEX(vertices, v), VERTEX(vertices, v + 1), &child_lower, &child_upper);
+            segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1), &child_lower, &child_upper);
         } else {
             child_lower = summaries[child].lower.xyz;
             child_upper = summaries[child].upper.xyz;
@@ -66,7 +65,7 @@ __kernel void summarise(
     costs[node] = vload8(0, cost[2]);
     vstore8(vload8(0, choice), node, choices);
 
-    const Lanes lanes = lanes_of(nodes, choices, node);
+    const BlockLanes lanes = lanes_of(nodes, choices, node);
     uint n_blocks = 1, stack = 0;
     for (uint lane = lanes.n_leaves; lane < lanes.n; lane++) {
         const Summary below = summaries[lanes.child[lane]];
@@ -80,7 +79,7 @@ __kernel void summarise(
 
 /* Subtrees in the order of their surfaces. Queries for any hit begin with the last lane, and of boxes that
    a ray meets a small one is more often full of segments. */
-static inline Lanes smallest_last(Lanes lanes, __global const Summary* summaries)
+static inline BlockLanes smallest_last(BlockLanes lanes, __global const Summary* summaries)
 {
     float surface[WIDTH];
     for (uint i = lanes.n_leaves; i < lanes.n; i++) {
@@ -100,8 +99,8 @@ static inline Lanes smallest_last(Lanes lanes, __global const Summary* summaries
 /* Gives every block its place: depth first, siblings side by side.
 
    reads    nodes, choices, leaves, summaries; places of nodes above: of a node that has a block, that
-            block and where the group of its child blocks goes; NOWHERE for other nodes
-   writes   blocks, from first_block on: which lanes are in use, references, and in words 8-15, until
+            block and where the group of its child blocks goes; FURCL_NO_BLOCK for other nodes
+   writes   blocks, from first_block on: which lanes are in use, references, and in the rows, until
             fill_blocks is done with them, what the lanes hold; places of nodes below
    over     by_height[begin..end): nodes of one height, the highest first
    next     itself for the next height, at last fill_blocks */
@@ -114,18 +113,18 @@ __kernel void place_blocks(
     if (i >= end) return;
     const uint node = by_height[i];
     const uint2 place = places[node];
-    if (place.x == NOWHERE) return;
-    __global uint* block = blocks + (size_t)FURCL_BVH_BLOCK_WORDS * (first_block + place.x);
-    const Lanes lanes = smallest_last(lanes_of(nodes, choices, node), summaries);
+    if (place.x == FURCL_NO_BLOCK) return;
+    __global uint* block = blocks + (size_t)FURCL_BLOCK_WORDS * (first_block + place.x);
+    const BlockLanes lanes = smallest_last(lanes_of(nodes, choices, node), summaries);
     const uint n_subtrees = lanes.n - lanes.n_leaves;
     for (uint lane = 0; lane < lanes.n; lane++) {
-        block[8 + lane] = (uint)lanes.child[lane];
-        block[24 + lane] = lane < lanes.n_leaves ? leaves[~lanes.child[lane]]
-                                                 : first_block + place.y + lane - lanes.n_leaves;
+        block[FURCL_BLOCK_ROWS + lane] = (uint)lanes.child[lane];
+        block[FURCL_BLOCK_REFERENCES + lane] = lane < lanes.n_leaves ? leaves[~lanes.child[lane]]
+                                         : first_block + place.y + lane - lanes.n_leaves;
     }
-    for (uint lane = lanes.n; lane < WIDTH; lane++) block[24 + lane] = 0;
-    block[22] = ((1u << lanes.n) - 1u) | ((1u << lanes.n_leaves) - 1u) << 8;
-    block[23] = 0;
+    for (uint lane = lanes.n; lane < WIDTH; lane++) block[FURCL_BLOCK_REFERENCES + lane] = 0;
+    block[FURCL_BLOCK_LANES] = ((1u << lanes.n) - 1u) | ((1u << lanes.n_leaves) - 1u) << 8;
+    block[FURCL_BLOCK_LANES + 1] = 0;
     uint below = place.y + n_subtrees;
     for (uint lane = lanes.n; lane > lanes.n_leaves; lane--) {
         const int child = lanes.child[lane - 1];
@@ -146,20 +145,20 @@ __kernel void fill_blocks(
 {
     const uint i = get_global_id(0);
     if (i >= n) return;
-    __global uint* block = blocks + (size_t)FURCL_BVH_BLOCK_WORDS * (first_block + i);
-    const uint n_lanes = popcount(block[22] & 255u), n_segments = popcount(block[22] >> 8 & 255u);
+    __global uint* block = blocks + (size_t)FURCL_BLOCK_WORDS * (first_block + i);
+    const uint n_lanes = popcount(block[FURCL_BLOCK_LANES] & 255u), n_segments = popcount(block[FURCL_BLOCK_LANES] >> 8 & 255u);
     int child[WIDTH];
-    for (uint lane = 0; lane < n_lanes; lane++) child[lane] = (int)block[8 + lane];
+    for (uint lane = 0; lane < n_lanes; lane++) child[lane] = (int)block[FURCL_BLOCK_ROWS + lane];
     const int first_leaf = child[0] < 0 ? ~child[0] : nodes[child[0]].z;
-    const float3 near = VERTEX(vertices, leaves[first_leaf]).xyz;
+    const float3 near = vertex_at(vertices, leaves[first_leaf]).xyz;
 
     Capsule capsules[WIDTH];
     float3 lower[WIDTH], upper[WIDTH];
     float box_area = 0.0f, capsule_area = 0.0f;
     bool all_fit = true;
     for (uint lane = 0; lane < n_segments; lane++) {
-        capsules[lane].a = VERTEX(vertices, block[24 + lane]).xyz - near;
-        capsules[lane].b = VERTEX(vertices, block[24 + lane] + 1).xyz - near;
+        capsules[lane].a = vertex_at(vertices, block[FURCL_BLOCK_REFERENCES + lane]).xyz - near;
+        capsules[lane].b = vertex_at(vertices, block[FURCL_BLOCK_REFERENCES + lane] + 1).xyz - near;
     }
     for (uint lane = n_segments; lane < n_lanes; lane++) {
         const int4 node = nodes[child[lane]];
@@ -179,11 +178,11 @@ __kernel void fill_blocks(
         capsule_area += PI * r * (along + 2.0f * r);
         box_area += half_area(extent * inverse_size);
     }
-    for (uint word = 0; word < 22; word++) block[word] = 0;
+    for (uint word = 0; word < FURCL_BLOCK_LANES; word++) block[word] = 0;
     if (n_segments > 0 || (all_fit && capsule_area < box_area)) {
         write_capsules(block, n_lanes, n_segments, near, capsules, vertices);
     } else {
-        block[22] |= BLOCK_BOXES;
+        block[FURCL_BLOCK_LANES] |= FURCL_BLOCK_BOXES;
         write_boxes(block, n_lanes, lower, upper);
     }
 }

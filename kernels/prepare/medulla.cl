@@ -19,7 +19,6 @@
 
 #define ROW_FLOATS 8
 #define LONGITUDINAL_STREAM 0x40000000u
-#define CYCLE 24u /* photons in which each row over theta_i has its turn, the last one nine times */
 
 static inline Row load_row(__global const float* r)
 {
@@ -77,18 +76,19 @@ static inline float16 collided_16(float16 x)
 
 /* An offset h: half of the draws evenly, half with 1 - |h| at all scales down to 1e-4; the chord
    at the rim alone is short enough for light near the axis. Returns h, sqrt(1 - h^2), weight. */
-static inline float4 draw_offset(float u)
+static inline float4 draw_offset(float xi)
 {
     const float range = log((1.0f + 1e-4f) / 1e-4f);
-    const float side = u < 0.5f ? -1.0f : 1.0f;
-    const float v = u < 0.5f ? 2.0f * u : 2.0f * u - 1.0f;
+    const float side = xi < 0.5f ? -1.0f : 1.0f;
+    const float v = xi < 0.5f ? 2.0f * xi : 2.0f * xi - 1.0f;
     const float rim = fmin(v < 0.5f ? 2.0f * v : 1e-4f * (exp((2.0f * v - 1.0f) * range) - 1.0f),
                            1.0f);
     const float density = 0.5f + 0.5f / ((rim + 1e-4f) * range);
     return (float4)(side * (1.0f - rim), sqrt(rim * (2.0f - rim)), 1.0f / density, 0.0f);
 }
 
-/* All 16 rows over theta_i at once, light uniform over h; one job a batch. First collisions are
+/* All 16 rows over theta_i at once, each having its turn within FURCL_MEDULLA_CYCLE photons, light
+   uniform over h; one job a batch. First collisions are
    scored row by row. From then on a walk belongs to every row from which it could have started
    (balance heuristic over the rows); the row of light along the axis, which collides at the rim,
    shares next to nothing and has more turns. Rows are scaled by 1 / (chance to collide at h = 0). */
@@ -109,13 +109,13 @@ __kernel void medulla_longitudinal(__global const float* rows, __global const fl
     const float16 rate = row.tau / cos_in;
     float copies[FURCL_PROFILE_THETAS];
     for (int k = 0; k < FURCL_PROFILE_THETAS; ++k)
-        copies[k] = k < FURCL_PROFILE_THETAS - 1 ? 1.0f : CYCLE - FURCL_PROFILE_THETAS + 1.0f;
+        copies[k] = k < FURCL_PROFILE_THETAS - 1 ? 1.0f : FURCL_MEDULLA_CYCLE - FURCL_PROFILE_THETAS + 1.0f;
     const float16 scale = 1.0f / collided_16(2.0f * rate);
 
     uint collisions = 0u;
     float given_up = 0.0f;
     for (uint i = 0u; i < photons; ++i) {
-        const uint own = min(i % CYCLE, FURCL_PROFILE_THETAS - 1u);
+        const uint own = min(i % FURCL_MEDULLA_CYCLE, FURCL_PROFILE_THETAS - 1u);
         const float own_cos = incidence[own];
         const float4 inward = (float4)(-own_cos, 0.0f, -incidence[FURCL_PROFILE_THETAS + own], 0.0f);
         const float4 v = first_numbers(&random, i);
@@ -127,7 +127,7 @@ __kernel void medulla_longitudinal(__global const float* rows, __global const fl
             const float4 h = draw_offset(v.x);
             const float chord = 2.0f * h.y / own_cos;
             const float x = row.tau * chord;
-            const float weight = CYCLE / copies[own] * h.z * collided(x) /
+            const float weight = FURCL_MEDULLA_CYCLE / copies[own] * h.z * collided(x) /
                                  collided(2.0f * row.tau / own_cos);
             const float2 place = scoring_point(x, 0.2f, 0.2f, v.y);
             const float4 entry = (float4)(h.y, -h.x, 0.0f, 0.0f);
@@ -156,7 +156,7 @@ __kernel void medulla_longitudinal(__global const float* rows, __global const fl
         vstore16(density * scale, 0, share);
         const float8 eight = drawn.lo + drawn.hi;
         const float4 four = eight.lo + eight.hi;
-        const float mixture = (four.x + four.y + four.z + four.w) * (1.0f / CYCLE);
+        const float mixture = (four.x + four.y + four.z + four.w) * (1.0f / FURCL_MEDULLA_CYCLE);
         for (int k = 0; k < FURCL_PROFILE_THETAS; ++k)
             for (int j = 0; j < GROUPS; ++j)
                 totals[k][j] += share[k] / mixture * sums[0][j];

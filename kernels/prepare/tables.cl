@@ -1,12 +1,12 @@
-/* Attenuation tables (SPEC 4.2-4.3), filled with the same device functions that render.
+/* Attenuation tables (docs/model.md, Sampling), filled with the same device functions that render.
 
-   reads    rows: sine and cosine of the theta of each row; fibre, profiles
+   reads    rows: sine and cosine of the theta of each row; material
    writes   bins [n_rows][FURCL_LOBES][TABLE_BINS] of float2, for the channels' mean of A_p(h): its mean
             over the bin, by the trapezoidal rule: the ends of the bin count, so that a lobe that ends
             just inside it is seen; and its largest value there
    over     n_rows x TABLE_BINS
    next     furcl/fibre/attenuation.py turns the bins into CDFs */
-#include "fibre/double_cylinder/bcsdf.clh"
+#include <fibre>
 
 #define TABLE_STEPS 16u
 #define EDGE_PLACES 12u
@@ -20,14 +20,8 @@ static inline float place_in_bin(uint bin, uint k)
     return 1.0f - (bin == FURCL_TABLE_BINS - 1u ? square(square(left)) : left);
 }
 
-/* Offset at which rays begin to miss the medulla. */
-static inline float medulla_edge(const FibreParams* f, float cos_theta)
-{
-    return f->kappa * sqrt(f->eta_sq_minus_one + cos_theta * cos_theta) / (cos_theta + 1e-30f);
-}
-
-/* Offsets beside the edge of the medulla (the first EDGE_PLACES) and below the rim, where a lobe can be
-   alive in far less than a step. */
+/* Offsets beside the edge of the attenuation (the first EDGE_PLACES) and below the rim, where a lobe can
+   be alive in far less than a step. */
 static inline float narrow_place(float edge, uint k)
 {
     const float away = exp2(-23.0f + 3.0f * (float)(k >> 1));
@@ -36,16 +30,17 @@ static inline float narrow_place(float edge, uint k)
 }
 
 __kernel void attenuation_bins(
-    __global float2* bins, __global const float2* rows, const uint n_rows, const FibreParams fibre,
-    __global const float* profiles)
+    __global float2* bins, __global const float2* rows, const uint n_rows,
+    __global const float* material)
 {
     const uint i = get_global_id(0);
     if (i >= n_rows * FURCL_TABLE_BINS) return;
+    const Fibre fibre = fibre_of(material);
     const uint row = i / FURCL_TABLE_BINS, bin = i % FURCL_TABLE_BINS;
     const Incidence in = incidence_at(&fibre, rows[row].x, rows[row].y);
     /* Between this row and the next the edge sweeps over bins; beside it, energies are alike in all. */
-    const float edge = medulla_edge(&fibre, rows[row].y);
-    const float edge_after = medulla_edge(&fibre, rows[min(row + 1u, n_rows - 1u)].y);
+    const float edge = attenuation_edge(&fibre, rows[row].y);
+    const float edge_after = attenuation_edge(&fibre, rows[min(row + 1u, n_rows - 1u)].y);
     const bool swept = (float)(bin + 1u) >= 0.9999f * edge * FURCL_TABLE_BINS &&
         (float)bin <= 1.0001f * edge_after * FURCL_TABLE_BINS;
     float sum[FURCL_LOBES], peak[FURCL_LOBES];
@@ -65,7 +60,7 @@ __kernel void attenuation_bins(
             const bool here = narrow < EDGE_PLACES ? swept : (uint)(place * FURCL_TABLE_BINS) == bin;
             if (here && place <= 1.0f) h = place;
         }
-        const BcsdfAtOffset b = bcsdf_at_offset(&fibre, profiles, &in, h);
+        const BcsdfAtOffset b = bcsdf_at_offset(&fibre, &in, h);
         for (uint p = 0; p < FURCL_LOBES; p++) {
             if (!lobe_exists(p)) continue;
             const float energy = spectrum_mean(lobe_attenuation(p, &fibre, &b));

@@ -1,4 +1,4 @@
-/* Stage 5 of 5. Adds finished paths to the film: running mean and second moment of every pixel.
+/* Last stage. Adds finished paths to the film: running mean and second moment of every pixel.
 
    `film` holds four spectra a pixel, next to each other: the compensated sum of radiance (sum,
    correction) and that of squared deviations (sum, correction); without FURCL_VARIANCE the first two.
@@ -9,13 +9,16 @@
             depend on how a render is cut into waves
    next     generate of the next wave */
 #include "camera/camera.clh"
-#include "core/spectrum.clh"
+#include "core/paths.clh"
 
 #define FILM_SPECTRA (FURCL_VARIANCE ? 4u : 2u)
 
-/* Where pixel's n-th spectrum is; checked in debug builds. */
-#define FILM_PLACE(n) \
-    (film + FURCL_INDEX((pixel * FILM_SPECTRA + (n)) * FURCL_CHANNELS, FURCL_N_FILM - (FURCL_CHANNELS - 1u)))
+/* Where a pixel's n-th spectrum is. */
+static inline __global float* film_place(__global float* film, Paths paths, uint pixel, uint n)
+{
+    return film + FURCL_INDEX(paths_record(paths), (pixel * FILM_SPECTRA + n) * FURCL_CHANNELS,
+                              recorded(paths_record(paths), FURCL_CHECK_N_FILM) - (FURCL_CHANNELS - 1u));
+}
 
 /* *sum += x with the rounding error carried along (Kahan 1965). */
 static inline void add_compensated(Spectrum* sum, Spectrum* correction, Spectrum x)
@@ -27,21 +30,23 @@ static inline void add_compensated(Spectrum* sum, Spectrum* correction, Spectrum
 }
 
 __kernel void add_to_film(
-    __global const float* state, __global float* film, __global uint* n_samples,
+    __global float* state, __global float* film, __global uint* n_samples,
     __global uint* nonfinite, const Wave wave)
 {
     const uint first = get_global_id(0);
     const uint n_pixels = wave.width * wave.height;
     if (first >= min(wave.n_paths, n_pixels)) return;
-    const uint n_slots = wave.n_slots;
-    const uint pixel = FURCL_INDEX(pixel_of_slot(&wave, first).index, n_pixels);
-    Spectrum sum = spectrum_load(FILM_PLACE(0u)), sum_correction = spectrum_load(FILM_PLACE(1u));
+    const Paths paths = {state, wave.n_slots};
+    const uint pixel = FURCL_INDEX(paths_record(paths), pixel_of_slot(&wave, first).index, n_pixels);
+    Spectrum sum = spectrum_load(film_place(film, paths, pixel, 0u));
+    Spectrum sum_correction = spectrum_load(film_place(film, paths, pixel, 1u));
 #if FURCL_VARIANCE
-    Spectrum squares = spectrum_load(FILM_PLACE(2u)), squares_correction = spectrum_load(FILM_PLACE(3u));
+    Spectrum squares = spectrum_load(film_place(film, paths, pixel, 2u));
+    Spectrum squares_correction = spectrum_load(film_place(film, paths, pixel, 3u));
 #endif
     uint samples = n_samples[pixel];
     for (uint slot = first; slot < wave.n_paths; slot += n_pixels, samples++) {
-        const Spectrum radiance = PS_LOAD_SPECTRUM(RADIANCE, slot);
+        const Spectrum radiance = path_spectrum(paths, PS_RADIANCE, slot);
         if (!spectrum_is_finite(radiance)) atomic_inc(nonfinite);
 #if FURCL_VARIANCE
         /* Welford: deviation from the mean before times deviation from the mean after. */
@@ -52,11 +57,11 @@ __kernel void add_to_film(
 #endif
         add_compensated(&sum, &sum_correction, radiance);
     }
-    spectrum_store(FILM_PLACE(0u), sum);
-    spectrum_store(FILM_PLACE(1u), sum_correction);
+    spectrum_store(film_place(film, paths, pixel, 0u), sum);
+    spectrum_store(film_place(film, paths, pixel, 1u), sum_correction);
 #if FURCL_VARIANCE
-    spectrum_store(FILM_PLACE(2u), squares);
-    spectrum_store(FILM_PLACE(3u), squares_correction);
+    spectrum_store(film_place(film, paths, pixel, 2u), squares);
+    spectrum_store(film_place(film, paths, pixel, 3u), squares_correction);
 #endif
     n_samples[pixel] = samples;
 }

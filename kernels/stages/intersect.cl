@@ -1,109 +1,138 @@
-/* Stage 2 of 5. Rays against the groom and the body.
+/* Stage 2. Rays against the groom and the surface.
 
    A work-item takes FURCL_RAYS_PER_ITEM rays; the vectors are inside a ray (eight lanes at a time). */
-#include "surface/ellipsoid.clh"
-#include "core/spectrum.clh"
 #include "bvh/traversal.clh"
+#include "core/queue.clh"
+#if FURCL_SURFACE
+#include <surface>
+#endif
+
+/* What the rays of a kernel are read from and what becomes of them. */
+typedef struct {
+    Paths paths;
+    __global const uint* queue;
+    __global uint* hit_queues;  /* one of n_slots for each material: FURCL_MATERIAL_* */
+    __global uint* miss_queue;
+    __global uint* counts;
+#if FURCL_SURFACE
+    const SurfaceParams* surface;
+#endif
+} PathRays;
+
+static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
+{
+    const Paths paths = rays->paths;
+    const uint slot = queued_slot(paths, rays->queue, i);
+    *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_DIR, slot),
+                     path_float(paths, PS_SKIP_DISTANCE, slot), path_uint(paths, PS_SKIP_SEGMENT, slot)};
+    *hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT};
+#if FURCL_SURFACE
+    surface_hit(rays->surface, query, hit);
+#endif
+}
+
+static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
+{
+    const Paths paths = rays->paths;
+    const uint slot = queued_slot(paths, rays->queue, i);
+    if (hit->segment == FURCL_NO_SEGMENT) {
+        const uint place = atomic_inc(rays->counts + FURCL_COUNT_MISSES);
+        rays->miss_queue[FURCL_SLOT(paths, place)] = slot;
+        return;
+    }
+    uint material = FURCL_MATERIAL_FIBRE;
+#if FURCL_SURFACE
+    set_path_float(paths, PS_HIT_T, slot, hit->t);
+    if (hit->segment == FURCL_SURFACE_HIT) material = FURCL_MATERIAL_SURFACE;
+#endif
+    set_path_float(paths, PS_HIT_U, slot, hit->u);
+    set_path_uint(paths, PS_HIT_SEGMENT, slot, hit->segment);
+    const uint place = atomic_inc(rays->counts + FURCL_COUNT_HITS + material);
+    rays->hit_queues[(size_t)material * paths.n_slots + FURCL_SLOT(paths, place)] = slot;
+}
 
 /* Finds what the ray of every path meets first.
 
-   reads    state: ORIGIN, DIR, SKIP_*; the tree; active_counts: COUNT_NEXT of the bounce before
-   writes   state: HIT_*; hit queue, miss queue and their lengths in counts
+   reads    state: ORIGIN, DIR, SKIP_*; the groom; active_counts: COUNT_NEXT of the bounce before
+   writes   state: HIT_*; the hit queue of each material, the miss queue and their lengths in counts
    over     the queue of paths that go on, FURCL_RAYS_PER_ITEM a work-item
-   next     shade_escaped over the miss queue, sample_lobe_h over the hit queue */
+   next     shade_escaped over the miss queue; for each material sample_lobe_h and shade, or
+            shade_surface, over its hit queue */
 __kernel void intersect_closest(
-    __global float* state, __global const uint* queue, __global uint* hit_queue,
+    __global float* state, __global const uint* queue, __global uint* hit_queues,
     __global uint* miss_queue, __global const uint* active_counts, __global uint* counts,
-    const uint n_slots, const Body body, BVH_PARAMETERS)
-{
-#if FURCL_BODY
-#define MEET_BODY(query, hit) body_query(&body, &(query), &(hit));
-#define STORE_DISTANCE(slot, hit) PS_F(HIT_T, slot) = (hit).t;
-#else
-#define MEET_BODY(query, hit)
-#define STORE_DISTANCE(slot, hit)
+    const uint n_slots, __global const uint* blocks, __global const StoredVertex* vertices,
+    __global const uint* strands
+#if FURCL_SURFACE
+    , const SurfaceParams surface
 #endif
-#define LOAD_PATH(i, query, hit) { \
-    const uint slot = FURCL_AT(queue, i, n_slots); \
-    query = (Query){PS_LOAD3(ORIGIN, slot), PS_LOAD3(DIR, slot), PS_F(SKIP_DISTANCE, slot), \
-                    PS_U(SKIP_SEGMENT, slot)}; \
-    hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT}; \
-    MEET_BODY(query, hit) }
-#define STORE_PATH(i, hit) { \
-    const uint slot = FURCL_AT(queue, i, n_slots); \
-    STORE_DISTANCE(slot, hit) \
-    PS_F(HIT_U, slot) = (hit).u; \
-    PS_U(HIT_SEGMENT, slot) = (hit).segment; \
-    if ((hit).segment == FURCL_NO_SEGMENT) \
-        FURCL_AT(miss_queue, atomic_inc(counts + FURCL_COUNT_MISSES), n_slots) = slot; \
-    else \
-        FURCL_AT(hit_queue, atomic_inc(counts + FURCL_COUNT_HITS), n_slots) = slot; }
-
-    TRACE_RAYS(active_counts[FURCL_COUNT_NEXT], false, LOAD_PATH, STORE_PATH);
+    )
+{
+    const Groom groom = groom_of(blocks, vertices, strands);
+    PathRays rays;
+    rays.paths = (Paths){state, n_slots};
+    rays.queue = queue;
+    rays.hit_queues = hit_queues;
+    rays.miss_queue = miss_queue;
+    rays.counts = counts;
+#if FURCL_SURFACE
+    rays.surface = &surface;
+#endif
+    TRACE_RAYS(&groom, active_counts[FURCL_COUNT_NEXT], false, load_path_ray, store_path_hit, &rays);
 }
 
 #if FURCL_LIGHT_SAMPLING
+
+/* A surface in the way ends the search for fibres where it begins. */
+static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
+{
+    const Paths paths = rays->paths;
+    const uint slot = queued_slot(paths, rays->queue, i);
+    *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_SHADOW_DIR, slot),
+                     path_float(paths, PS_SHADOW_SKIP_DISTANCE, slot),
+                     path_uint(paths, PS_SKIP_SEGMENT, slot)};
+    float distance = INFINITY;
+#if !FURCL_LIGHT_AT_INFINITY
+    distance = path_float(paths, PS_SHADOW_DISTANCE, slot);
+#endif
+    *hit = (Hit){distance, 0.0f, FURCL_NO_SEGMENT};
+#if FURCL_SURFACE
+    if (surface_hit(rays->surface, query, hit)) hit->t = 0.0f;
+#endif
+}
+
+static inline void store_shadow_hit(const PathRays* rays, uint i, const Hit* hit)
+{
+    const Paths paths = rays->paths;
+    if (hit->segment != FURCL_NO_SEGMENT) return;
+    const uint slot = queued_slot(paths, rays->queue, i);
+    set_path_spectrum(paths, PS_RADIANCE, slot,
+                      path_spectrum(paths, PS_RADIANCE, slot) +
+                          path_spectrum(paths, PS_SHADOW_RADIANCE, slot));
+}
+
 /* Adds the light sample of every path that nothing keeps from it.
 
-   reads    state: ORIGIN, SHADOW_*, SKIP_SEGMENT; the tree
+   reads    state: ORIGIN, SHADOW_*, SKIP_SEGMENT; the groom
    writes   state: RADIANCE
    over     the shadow queue, FURCL_RAYS_PER_ITEM a work-item
    next     intersect_closest */
 __kernel void intersect_shadow(
     __global float* state, __global const uint* shadow_queue, __global const uint* counts,
-    const uint n_slots, const Body body, BVH_PARAMETERS)
-{
-/* Behind the body the search for fibres ends where it begins. */
-#if FURCL_BODY
-#define MEET_BODY_FIRST(query, hit) if (body_query(&body, &(query), &(hit))) (hit).t = 0.0f;
-#else
-#define MEET_BODY_FIRST(query, hit)
+    const uint n_slots, __global const uint* blocks, __global const StoredVertex* vertices,
+    __global const uint* strands
+#if FURCL_SURFACE
+    , const SurfaceParams surface
 #endif
-#define LOAD_SHADOW(i, query, hit) { \
-    const uint slot = FURCL_AT(shadow_queue, i, n_slots); \
-    query = (Query){PS_LOAD3(ORIGIN, slot), PS_LOAD3(SHADOW_DIR, slot), \
-                    PS_F(SHADOW_SKIP_DISTANCE, slot), PS_U(SKIP_SEGMENT, slot)}; \
-    hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT}; \
-    MEET_BODY_FIRST(query, hit) }
-#define STORE_SHADOW(i, hit) { \
-    const uint slot = FURCL_AT(shadow_queue, i, n_slots); \
-    if ((hit).segment == FURCL_NO_SEGMENT) \
-        PS_STORE_SPECTRUM(RADIANCE, slot, \
-            PS_LOAD_SPECTRUM(RADIANCE, slot) + PS_LOAD_SPECTRUM(SHADOW_RADIANCE, slot)); }
-
-    TRACE_RAYS(counts[FURCL_COUNT_SHADOWS], true, LOAD_SHADOW, STORE_SHADOW);
+    )
+{
+    const Groom groom = groom_of(blocks, vertices, strands);
+    PathRays rays;
+    rays.paths = (Paths){state, n_slots};
+    rays.queue = shadow_queue;
+#if FURCL_SURFACE
+    rays.surface = &surface;
+#endif
+    TRACE_RAYS(&groom, counts[FURCL_COUNT_SHADOWS], true, load_shadow_ray, store_shadow_hit, &rays);
 }
 #endif
-
-#define LOAD_RAY(i, query, hit) { \
-    const float4 o = origins[i], d = directions[i]; \
-    query = (Query){o.xyz, d.xyz, o.w, skip_segment[i]}; \
-    hit = (Hit){d.w, 0.0f, FURCL_NO_SEGMENT}; }
-
-/* Rays in plain arrays, for benchmarks and tests.
-
-   reads    origins (xyz, distance skipped on the own strand), directions (xyz, t_max), skip_segment
-   writes   nearest hits in (0, t_max]: t, segment, u; of a miss t_max, FURCL_NO_SEGMENT, 0
-   over     rays, FURCL_RAYS_PER_ITEM a work-item */
-__kernel void trace_rays(
-    const uint n_rays, __global const float4* origins,
-    __global const float4* directions, __global const uint* skip_segment, __global float* t,
-    __global uint* segment, __global float* u, BVH_PARAMETERS)
-{
-#define STORE_HIT(i, hit) { t[i] = (hit).t; segment[i] = (hit).segment; u[i] = (hit).u; }
-    TRACE_RAYS(n_rays, false, LOAD_RAY, STORE_HIT);
-}
-
-/* The same rays, asking only whether anything lies in (0, t_max].
-
-   reads    as trace_rays
-   writes   occluded: 1 or 0
-   over     rays, FURCL_RAYS_PER_ITEM a work-item */
-__kernel void trace_shadow_rays(
-    const uint n_rays, __global const float4* origins,
-    __global const float4* directions, __global const uint* skip_segment,
-    __global uint* occluded, BVH_PARAMETERS)
-{
-#define STORE_OCCLUDED(i, hit) { occluded[i] = (hit).segment != FURCL_NO_SEGMENT ? 1u : 0u; }
-    TRACE_RAYS(n_rays, true, LOAD_RAY, STORE_OCCLUDED);
-}

@@ -1,39 +1,39 @@
-/* Stage 3 of 5. Chooses the lobe and the offset h for every path that met a fibre.
+/* Stage 4 of fibres. Chooses the lobe and the offset h for every path that met a fibre.
 
-   reads    state: DIR, HIT_SEGMENT; vertices, tables, profiles
+   reads    state: DIR, HIT_SEGMENT; vertices, material
    writes   state: LOBE, OFFSET_H, JOINT; lobe_counts (with FURCL_STATISTICS)
-   over     the hit queue, FURCL_PATHS_PER_ITEM a work-item
+   over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
    next     shade */
-#include "core/hits.clh"
-#include "fibre/attenuation_tables.clh"
+#include "fibre/sampler.clh"
+#include "geometry/fibre_hits.clh"
 
 __kernel void sample_lobe_h(
-    __global float* state, __global const uint* hit_queue, __global const uint* counts,
-    const Wave wave, const uint depth, const FibreParams fibre, __global const StoredVertex* vertices,
-    __global const float* tables, __global const float* profiles, __global uint* lobe_counts)
+    __global float* state, __global const uint* hit_queues, __global const uint* counts,
+    const Wave wave, const uint depth, __global const StoredVertex* vertices,
+    __global const float* material, __global uint* lobe_counts)
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS];
-    const uint n_slots = wave.n_slots;
+    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_FIBRE];
+    const Paths paths = {state, wave.n_slots};
+    __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_FIBRE * wave.n_slots;
+    const Fibre fibre = fibre_of(material);
 #if FURCL_STATISTICS
     uint chosen_times[FURCL_LOBES];
     for (uint p = 0; p < FURCL_LOBES; p++) chosen_times[p] = 0u;
 #endif
-    FETCH_VERTICES_EARLY(hit_queue, n_hits, vertices);
-    FOR_GROUPS_OF_HITS(first, n_hits) {
-        const Hits hits = hits_from(first, state, hit_queue, n_hits, &wave,
-                                    bounce_dimension(depth, DIM_LOBE), vertices);
-        FOR_HITS(k, first, n_hits) {
+    fetch_vertices_early(paths, hit_queue, n_hits, vertices);
+    for (uint first = 0; first < FURCL_PATHS_PER_ITEM && queue_entry(first) < n_hits;
+         first += FURCL_LANES) {
+        const FibreHits hits = fibre_hits_from(first, paths, hit_queue, n_hits, &wave,
+                                               bounce_dimension(depth, DIM_LOBE), vertices);
+        const uint n = lanes_in_queue(first, n_hits);
+        for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
-#if FURCL_BODY
-            if (PS_U(HIT_SEGMENT, slot) == FURCL_BODY_SEGMENT) continue;
-#endif
-            const Incidence in =
-                incidence_at(&fibre, LANE(hits.frames.sin_theta, k), LANE(hits.frames.cos_theta, k));
-            const LobeAndOffset chosen =
-                sample_lobe_and_offset(&fibre, tables, profiles, &in, LANES4_AT(hits.u, k).xyz);
-            PS_U(LOBE, slot) = chosen.lobe;
-            PS_F(OFFSET_H, slot) = chosen.h;
-            PS_F(JOINT, slot) = chosen.joint;
+            const Incidence in = incidence_at(
+                &fibre, lane(&hits.frames.sin_theta, k), lane(&hits.frames.cos_theta, k));
+            const LobeAndOffset chosen = sample_lobe_and_offset(&fibre, &in, lane4(&hits.xi, k).xyz);
+            set_path_uint(paths, PS_LOBE, slot, chosen.lobe);
+            set_path_float(paths, PS_OFFSET_H, slot, chosen.h);
+            set_path_float(paths, PS_JOINT, slot, chosen.joint);
 #if FURCL_STATISTICS
             if (chosen.lobe < FURCL_LOBES) chosen_times[chosen.lobe]++;
 #endif

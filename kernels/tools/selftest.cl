@@ -1,7 +1,6 @@
 /* Self-test: one small kernel for each feature of OpenCL C that furcl's kernels use. A device that
    compiles these and returns what furcl/device/selftest.py computes with numpy is fit for rendering. */
 
-#include "layout.clh"
 #include "core/rng.clh"
 
 /* Reads x (8 n floats), writes y (8 n floats). Launched over n. */
@@ -56,4 +55,18 @@ __kernel void selftest_random(uint seed, __global float* numbers)
 {
     const uint i = get_global_id(0);
     vstore4(uniform4(seed, i, 2u * i, 3u), i, numbers);
+}
+
+/* A struct passed by value. Writes its size, the offsets of its fields and its content. Launched over 1. */
+__kernel void selftest_struct(__global uint* out, const Example given)
+{
+    const char* start = (const char*)&given;
+    out[0] = sizeof(Example);
+    out[1] = (uint)((const char*)&given.vector - start);
+    out[2] = (uint)((const char*)&given.real - start);
+    out[3] = (uint)((const char*)&given.whole - start);
+    out[4] = (uint)((const char*)&given.pair_x - start);
+    out[5] = (uint)((const char*)&given.pair_y - start);
+    out[6] = (uint)((const char*)&given.last - start);
+    for (uint i = 0; i < sizeof(Example) / sizeof(uint); i++) out[7 + i] = ((const uint*)&given)[i];
 }

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from furcl.errors import FibreError
 from furcl.fibre.pigment import BETA_RANGE_DEG, sigma_ca_from_melanin
@@ -54,6 +54,8 @@ class Fibre:
     ------
     FibreError          names the parameter, its value and the allowed range
     """
+
+    model: ClassVar[str] = "double-cylinder"
 
     eta: float = 1.55
     kappa: float = 0.0

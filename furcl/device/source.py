@@ -1,0 +1,90 @@
+"""The text of a kernel: its file with all includes, and the declarations that it needs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from furcl.device import layout
+from furcl.device.features import Features
+from furcl.errors import KernelBuildError
+from furcl.paths import kernel_folder
+
+_INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<(\w+)>)\s*$')
+
+
+def expand(name: str, features: Features, folder: Path | None = None) -> str:
+    """The text of a kernel file with every #include replaced by what it names.
+
+    `#include "a/b.clh"` is sought beside the file that asks for it, then in the folder of the
+    kernels and in its include folder; `#include <light>` is the header of that part of `features`.
+    Caches of OpenCL runtimes hash the text that they are given, not the files that it includes;
+    given the whole text they cannot return a stale kernel. Each file is included once.
+
+    Raises
+    ------
+    KernelBuildError    if an include is not found, naming the file and line that asks for it
+    """
+    folder = folder or kernel_folder()
+    bases = (folder, folder / "include")
+    seen: set[Path] = set()
+
+    def find(include: str, beside: Path | None) -> Path | None:
+        places = (*([beside] if beside else []), *bases)
+        return next((p / include for p in places if (p / include).is_file()), None)
+
+    def header(part: str, asked_by: str) -> Path:
+        if part not in features.parts:
+            raise KernelBuildError(
+                f"{asked_by}: #include <{part}> - this build has {', '.join(features.parts) or 'no'}"
+                f" parts; give its Features a {part}"
+            )
+        return features.parts[part].header
+
+    def walk(path: Path, asked_by: str) -> list[str]:
+        if path.resolve() in seen:
+            return []
+        seen.add(path.resolve())
+        try:
+            text = path.read_text()
+        except OSError as error:
+            raise KernelBuildError(
+                f"{asked_by}: {path} cannot be read: {error.strerror}; is it still there?"
+            ) from None
+        label = _label(path, bases)
+        lines = [f'#line 1 "{label}"']
+        for number, line in enumerate(text.splitlines(), 1):
+            match = _INCLUDE.match(line)
+            if not match:
+                lines.append(line)
+                continue
+            place = f"{label}:{number}"
+            target = header(match[2], place) if match[2] else find(match[1], path.parent)
+            if target is None:
+                raise KernelBuildError(
+                    f"{place}: #include {match[1]!r} is not found beside it, in {folder} or in its "
+                    f"include folder; check the spelling"
+                )
+            lines += walk(target, place)
+            lines.append(f'#line {number + 1} "{label}"')
+        return lines
+
+    start = find(name, None)
+    if start is None:
+        raise KernelBuildError(f"{name} is not found in {folder}; check the spelling")
+    return "\n".join(walk(start, name)) + "\n"
+
+
+def _label(path: Path, bases: tuple[Path, ...]) -> str:
+    """What messages call a file: its place among the kernels, or its name."""
+    for base in reversed(bases):
+        if path.is_relative_to(base):
+            return path.relative_to(base).as_posix()
+    return path.name
+
+
+def kernel_text(name: str, features: Features, extra: Mapping[str, int] | None = None) -> str:
+    """Declarations followed by the expanded text: all that decides what a kernel does."""
+    text = expand(name, features)
+    return layout.declarations(text, features, extra) + text

@@ -1,0 +1,88 @@
+"""What one double cylinder needs of kernels/include/fibre/double_cylinder."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from furcl.fibre.double_cylinder import layout
+from furcl.fibre.model import FibreFeatures, find
+
+if TYPE_CHECKING:
+    from furcl.fibre.model import FibreModel
+
+
+@dataclass(frozen=True)
+class DoubleCylinderFeatures(FibreFeatures):
+    """Switches of the header.
+
+    Attributes
+    ----------
+    medulla : bool              rays may cross a medulla that absorbs or scatters
+    scattered : bool            lobes TT^s and TRT^s (kappa > 0 and sigma_ms > 0)
+    profile_channels : int      channels of medulla absorption in the profiles: 0, 1 or 3
+    layered : bool              cuticle other than a plain interface (layers != 1/2)
+    tilt : bool                 alpha != 0
+    residual : bool             lobe that holds TRRT and all later orders, and closes the furnace
+    dropped_lobes : tuple       names of lobes left out because they carry next to nothing
+    """
+
+    medulla: bool = True
+    scattered: bool = True
+    profile_channels: int = 3
+    layered: bool = True
+    tilt: bool = True
+    residual: bool = False
+    dropped_lobes: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> FibreModel:
+        return find("double-cylinder")
+
+    @property
+    def n_lobes(self) -> int:
+        return len(layout.LOBES) if self.residual else len(layout.LOBES) - 1
+
+    @property
+    def lobes(self) -> tuple[str, ...]:
+        absent = set(self.dropped_lobes)
+        if not self.scattered:
+            absent |= set(layout.SCATTERED)
+        return tuple(lobe.name for lobe in layout.LOBES[: self.n_lobes] if lobe.name not in absent)
+
+    @property
+    def data_words(self) -> int:
+        return layout.profile_words(self.profile_channels) if self.scattered else 0
+
+    def switches(self) -> Mapping[str, int]:
+        return {
+            f"FURCL_{name.upper()}": int(value)
+            for name, value in asdict(self).items()
+            if name != "dropped_lobes"
+        }
+
+    def without(self, lobes: Collection[str]) -> DoubleCylinderFeatures:
+        kept = replace(self, dropped_lobes=tuple(name for name in self.lobes if name in lobes))
+        if not set(kept.lobes) & set(layout.SCATTERED):
+            kept = replace(kept, scattered=False, profile_channels=0)
+        return kept
+
+    def everything_on(self) -> DoubleCylinderFeatures:
+        return DoubleCylinderFeatures(residual=self.residual)
+
+    def optional(self) -> dict[str, tuple[bool, str]]:
+        return {
+            "medulla": (self.medulla, "kappa is 0, or nothing absorbs or scatters"),
+            "scattered": (self.scattered, "kappa or sigma_ms is 0: lobes TTs and TRTs, profiles"),
+            "profile_channels": (
+                self.profile_channels > 0,
+                "sigma_ma is 0: no medulla absorption",
+            ),
+            "layered": (self.layered, "layers is 1/2: the cuticle is a plain interface"),
+            "tilt": (self.tilt, "alpha is 0"),
+            "residual": (self.residual, "render.residual is false: lobe of TRRT and later orders"),
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)

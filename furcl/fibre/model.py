@@ -1,0 +1,234 @@
+"""What a fibre model is to everything outside it, and the models by name.
+
+A model is one device header (kernels/include/fibre/<model>/bcsdf.clh says what it defines), this
+description of it, a float64 reference written apart, and a page of docs. Materials, the renderer,
+the probe and the benchmarks know models through it alone.
+"""
+
+from __future__ import annotations
+
+import difflib
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from furcl.device.layout import Fields
+from furcl.errors import FibreError
+
+if TYPE_CHECKING:
+    from furcl.device.choice import Device
+    from furcl.table import Table
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """One lobe of a model.
+
+    Attributes
+    ----------
+    name : str          as in statistics, e.g. "TT"
+    narrow : bool       may be far narrower than a hemisphere: it wants to be sampled by its own
+                        density; other lobes are smooth
+    """
+
+    name: str
+    narrow: bool = True
+
+
+class FibreFeatures(ABC):
+    """What one fibre needs of its model's header: the part <fibre> of furcl.device.features.
+
+    Subclasses are frozen dataclasses; `dropped_lobes` names lobes left out because they carry next
+    to nothing.
+    """
+
+    dropped_lobes: tuple[str, ...]
+
+    @property
+    @abstractmethod
+    def model(self) -> FibreModel:
+        """The model."""
+
+    @property
+    @abstractmethod
+    def lobes(self) -> tuple[str, ...]:
+        """Names of the lobes that are compiled in, in the model's order."""
+
+    @property
+    @abstractmethod
+    def n_lobes(self) -> int:
+        """Lobes that have a place in tables and counters, compiled in or not: the first of the
+        model's."""
+
+    @property
+    @abstractmethod
+    def data_words(self) -> int:
+        """Words of the model's own data (`FibreModel.data`)."""
+
+    @abstractmethod
+    def switches(self) -> Mapping[str, int]:
+        """FURCL_* defines of what can be left out of the header."""
+
+    @abstractmethod
+    def without(self, lobes: Collection[str]) -> FibreFeatures:
+        """The features of the same fibre without some lobes and what they alone need."""
+
+    @abstractmethod
+    def everything_on(self) -> FibreFeatures:
+        """The same expected values from a header with all code that some fibre could need."""
+
+    @abstractmethod
+    def optional(self) -> dict[str, tuple[bool, str]]:
+        """Name of each thing that can be left out -> whether it is there, and why it might not."""
+
+    @abstractmethod
+    def as_dict(self) -> Mapping[str, Any]:
+        """Plain values for JSON and image headers."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.model.name
+
+    @property
+    def header(self) -> Path:
+        """The model's header."""
+        return self.model.header
+
+    def defines(self) -> dict[str, int | str]:
+        """Everything that the header and fibre/sampler.clh use."""
+        names = [lobe.name for lobe in self.model.lobes]
+        return {
+            **self.model.constants(),
+            **{f"FURCL_LOBE_{name.upper()}": f"{i}u" for i, name in enumerate(names)},
+            **self.switches(),
+            "FURCL_LOBES": self.n_lobes,
+            "FURCL_LOBE_MASK": sum(1 << names.index(lobe) for lobe in self.lobes),
+            "FURCL_FIBRE_DATA_WORDS": self.data_words,
+        }
+
+    def structs(self) -> dict[str, Fields]:
+        """FibreParams."""
+        return {"FibreParams": self.model.struct}
+
+
+class FibreModel(ABC):
+    """A scattering function of fibres.
+
+    Parameters of a fibre are an object of a class of the model's own, here `fibre`, whose attribute
+    `model` is the model's name.
+
+    Attributes
+    ----------
+    name : str          as in scenes: fibre.model = "double-cylinder"
+    lobes : tuple       all lobes, those that are always there first
+    header : Path       of kernels/include, or absolute
+    struct : Fields     of FibreParams
+    reference : str     module of the float64 reference: evaluate, pdf, sample, attenuation
+    """
+
+    name: ClassVar[str]
+    lobes: ClassVar[tuple[Lobe, ...]]
+    header: ClassVar[Path]
+    struct: ClassVar[Fields]
+    reference: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def table(self) -> type[Table]:
+        """Type of the table [fibre] in a scene; its `build()` returns the fibre."""
+
+    @abstractmethod
+    def features(self, fibre: Any, *, residual: bool = False) -> FibreFeatures:
+        """What a fibre needs of the header. `residual`: with the lobe that holds all orders which
+        the others leave out, if the model has one."""
+
+    @abstractmethod
+    def is_grey(self, fibre: Any) -> bool:
+        """Whether one channel tells all."""
+
+    @abstractmethod
+    def params(self, fibre: Any) -> np.ndarray:
+        """The struct FibreParams of a fibre."""
+
+    def constants(self) -> Mapping[str, int | str]:
+        """FURCL_* constants of the header."""
+        return {}
+
+    def prepare(self, device: Device, fibre: Any) -> Any:
+        """What is computed or loaded once for a fibre, such as simulated profiles; None where
+        nothing is."""
+        return None
+
+    def data(self, prepared: Any, features: FibreFeatures) -> np.ndarray:
+        """The model's own data (features.data_words,) float32, made of what `prepare` returned."""
+        return np.zeros(features.data_words, np.float32)
+
+_BUILT_IN = {"double-cylinder": "furcl.fibre.double_cylinder.model"}
+_registered: dict[str, FibreModel] = {}
+
+
+def names() -> tuple[str, ...]:
+    """All models that a scene can name, those of furcl first."""
+    return (*_BUILT_IN, *_registered)
+
+
+def find(name: str) -> FibreModel:
+    """The model of a name.
+
+    Raises
+    ------
+    FibreError      unknown name, with those that are known
+    """
+    if name in _registered:
+        return _registered[name]
+    if name in _BUILT_IN:
+        return import_module(_BUILT_IN[name]).MODEL
+    near = difflib.get_close_matches(name, names(), 1, 0.5)
+    raise FibreError(
+        f"fibre.model = {name!r}: allowed are {', '.join(names())}"
+        + (f"; did you mean {near[0]!r}?" if near else "; furcl.models.register adds one")
+    )
+
+
+def model_of(fibre: Any) -> FibreModel:
+    """The model of a fibre, which its attribute `model` names.
+
+    Raises
+    ------
+    FibreError      if there is no such model
+    """
+    return find(fibre.model)
+
+
+def tables() -> dict[str, type[Table]]:
+    """Name of every model -> type of its table in a scene."""
+    return {name: find(name).table for name in names()}
+
+
+def register(model: FibreModel) -> FibreModel:
+    """Make a model of one's own usable under its name; one of that name is replaced.
+
+    Raises
+    ------
+    FibreError      a name of furcl's own
+    """
+    if model.name in _BUILT_IN:
+        raise FibreError(
+            f"fibre model {model.name!r}: the name is one of furcl's own "
+            f"({', '.join(_BUILT_IN)}); choose another"
+        )
+    _registered[model.name] = model
+    return model
+
+
+def unregister(name: str) -> None:
+    """Forget a model of one's own; FibreError if there is none of that name."""
+    if name not in _registered:
+        raise FibreError(f"fibre model {name!r} was not registered; nothing to remove")
+    del _registered[name]

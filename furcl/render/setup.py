@@ -1,0 +1,195 @@
+"""From a scene to everything that rendering it needs on a device."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pyopencl as cl
+
+from furcl.bvh import embree
+from furcl.bvh.build import Bvh, build_bvh
+from furcl.device import index_checks, layout
+from furcl.device.features import Features
+from furcl.device.memory import Memory
+from furcl.fibre import samplers
+from furcl.fibre.material import FibreMaterial, build_material
+from furcl.fibre.model import model_of
+from furcl.groom.curves import Curves
+from furcl.light.kinds import from_table
+from furcl.light.model import Light
+from furcl.render.film import Film
+from furcl.render.specialise import everything_on, scene_features
+from furcl.render.wave_size import WaveSize, choose_wave_size
+from furcl.render.wavefront import Wavefront
+from furcl.scene.tables import Scene
+from furcl.surface.ellipsoid import NOWHERE
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """Everything that a scene needs on one device.
+
+    Attributes
+    ----------
+    memory : Memory             holds all buffers
+    features : Features         of the scene; the material's are these with its parts
+    seconds : dict              curves (from here on), bvh, tables, compile [s]; the first two pass
+                                while the next two do
+    n_negative : int            values of the light below zero, which were set to zero
+    """
+
+    memory: Memory
+    features: Features
+    material: FibreMaterial
+    film: Film
+    wavefront: Wavefront
+    wave_size: WaveSize
+    n_segments: int
+    n_negative: int
+    seconds: dict[str, float]
+
+
+class Timer:
+    """Adds up the seconds of what is done under a name."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def set_up(
+    memory: Memory,
+    scene: Scene,
+    *,
+    wave_size: int | None = None,
+    specialised: bool = True,
+    curves: Curves | Future[Curves] | None = None,
+) -> Setup:
+    """Grow the groom and build its tree, while tables are made and kernels compiled.
+
+    Parameters are those of furcl.render.renderer.Renderer.
+
+    Raises
+    ------
+    GroomError, SceneError, ResourceError, KernelBuildError
+    """
+    timed = Timer()
+    light = from_table(scene.environment)
+    fibre = scene.build_fibre()
+    features = scene_features(scene, fibre, light)
+    if not specialised:
+        features = everything_on(features)
+
+    def take_groom() -> Curves:
+        with timed("curves"):
+            given = curves.result() if isinstance(curves, Future) else curves
+            return given or scene.build_curves()
+
+    def point_radii(groom: Curves) -> bool:
+        return not (specialised and groom.one_radius)
+
+    def build_tree(groom: Future[Curves]) -> Bvh:
+        grown = groom.result()
+        with timed("bvh"):
+            return build_bvh(memory, grown, point_radii(grown), debug=features.debug)
+
+    # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
+    with ThreadPoolExecutor(1) as beside:
+        groom = beside.submit(take_groom)
+        tree = beside.submit(build_tree, groom)
+        embree.load()
+        if groom.done():
+            groom.result()  # a file that cannot be used says so before tables are made
+        with timed("tables"):
+            material = _material(memory, scene, fibre, features, specialised)
+        grown = groom.result()
+        features = features.with_(point_radii=point_radii(grown))
+        size = choose_wave_size(memory.device, features, wave_size)
+        film = Film.allocate(memory, scene.film.width, scene.film.height, features)
+        with timed("compile"):
+            wavefront = _wavefront(memory, scene, features, material, light, film, grown, size)
+        built = tree.result()
+        wavefront.place(built.arguments())
+    return Setup(
+        memory,
+        features,
+        wavefront.material,
+        film,
+        wavefront,
+        size,
+        built.n_segments,
+        light.n_negative,
+        timed.seconds,
+    )
+
+
+def _material(
+    memory: Memory, scene: Scene, fibre: object, features: Features, specialised: bool
+) -> FibreMaterial:
+    """The scene's fibre on the device."""
+    model, residual = model_of(fibre), scene.render.residual
+    needed = model.features(fibre, residual=residual)
+    return build_material(
+        memory,
+        fibre,
+        features,
+        samplers.find(scene.render.sampling),
+        fibre_features=needed if specialised else needed.everything_on(),
+        drop_lobes=specialised,
+    )
+
+
+def _wavefront(
+    memory: Memory,
+    scene: Scene,
+    features: Features,
+    material: FibreMaterial,
+    light: Light,
+    film: Film,
+    curves: Curves,
+    size: WaveSize,
+) -> Wavefront:
+    """Compile the kernels and allocate what they work on."""
+    buffer: cl.Buffer = index_checks.upload(
+        memory, "light", light.device_buffer(features.light_sampling), features.debug
+    )
+    return Wavefront(
+        memory,
+        features,
+        material.with_features(features),
+        None if features.surface is None else (scene.body or NOWHERE).params(),
+        buffer,
+        camera_struct(scene, curves),
+        film,
+        curves.n_points,
+        size.paths,
+    )
+
+
+def camera_struct(scene: Scene, curves: Curves) -> np.ndarray:
+    """The struct Camera of a scene; frames the groom where the scene leaves that open."""
+    camera = scene.resolved_camera(curves)
+    origin, right, up, forward = camera.frame()
+    height = math.tan(0.5 * math.radians(camera.vfov_deg))
+    out = np.zeros((), layout.struct_dtype("Camera"))
+    out["origin"][:3] = origin
+    out["right"][:3] = right * height * scene.film.aspect
+    out["up"][:3] = up * height
+    out["forward"][:3] = forward
+    out["aperture_radius"] = camera.aperture_radius
+    out["focus_distance"] = camera.focus_distance or 0.0
+    out["filter_radius_px"] = scene.film.support_px
+    return out

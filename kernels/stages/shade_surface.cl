@@ -1,0 +1,71 @@
+/* Stage 4 of surfaces. The next ray and the light sample of paths that met the surface. */
+#include "camera/camera.clh"
+#include "core/continue_path.clh"
+#include <surface>
+#include "surface/diffuse.clh"
+#if FURCL_LIGHT_SAMPLING
+#include <light>
+#endif
+
+static inline Bounce scatter_at_surface(
+    const SurfacePoint* at, __global const float* light, float4 xi, float4 light_xi)
+{
+    Bounce bounce;
+    float pdf;
+    bounce.origin = at->position;
+    bounce.direction = diffuse_sample(at->normal, xi.xy, &pdf);
+    bounce.skip_segment = FURCL_NO_SEGMENT;
+    bounce.skip_distance = 0.0f;
+    bounce.weight = at->albedo;
+#if FURCL_LIGHT_SAMPLING
+    bounce.pdf = pdf;
+    const LightSample sample = light_sample(light, at->position, light_xi.xy);
+    bounce.light_direction = sample.direction;
+    bounce.light_distance = sample.distance;
+    bounce.light_skip_distance = 0.0f;
+    const float towards = diffuse_pdf(at->normal, sample.direction);
+    bounce.light = towards > 0.0f && sample.pdf > 0.0f
+        ? at->albedo * towards / (towards + sample.pdf) * spectrum_from3(sample.radiance)
+        : spectrum(0.0f);
+#endif
+    return bounce;
+}
+
+/* Continues paths that met the surface: next ray, light sample, Russian roulette.
+
+   reads    state: ORIGIN, DIR, HIT_T, THROUGHPUT; light
+   writes   state: ORIGIN, DIR, SKIP_*, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
+   over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
+   next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
+__kernel void shade_surface(
+    __global float* state, __global const uint* hit_queues, __global uint* next_queue,
+    __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
+    const SurfaceParams surface, __global const float* light)
+{
+    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_SURFACE];
+    const Paths paths = {state, wave.n_slots};
+    __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_SURFACE * wave.n_slots;
+    Appended next, shadows;
+    next.n = shadows.n = 0u;
+    for (uint k = 0; k < FURCL_PATHS_PER_ITEM && queue_entry(k) < n_hits; k++) {
+        const uint slot = queued_slot(paths, hit_queue, queue_entry(k));
+        const PixelSample p = pixel_of_slot(&wave, slot);
+        const SurfacePoint at = surface_point(
+            &surface, path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_DIR, slot),
+            path_float(paths, PS_HIT_T, slot));
+        const float4 xi =
+            uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_DIRECTION));
+        float4 light_xi = (float4)(0.0f);
+#if FURCL_LIGHT_SAMPLING
+        light_xi = uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
+#endif
+        const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi);
+        const PathQueues to = continue_path(paths, slot, p.index, p.sample, &wave, depth, &bounce);
+        if (to.next) append_slot(&next, slot);
+        if (to.shadow) append_slot(&shadows, slot);
+    }
+    append_all(paths, &next, next_queue, counts + FURCL_COUNT_NEXT);
+#if FURCL_LIGHT_SAMPLING
+    append_all(paths, &shadows, shadow_queue, counts + FURCL_COUNT_SHADOWS);
+#endif
+}
