@@ -12,7 +12,7 @@ from environments import ENVIRONMENTS, make_environment
 from furcl.errors import ImageError
 from furcl.light.environment import Environment, ImageLight
 from furcl.light.latlong import LatLong
-from furcl.light.sky import Sky, sun_illuminance, zenith_luminance
+from furcl.light.preetham import Sky, sun_illuminance, zenith_luminance
 from furcl.light.tables import ConstantEnvironment, ImageEnvironment
 
 N_SAMPLES = 600_000

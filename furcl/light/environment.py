@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furcl.device import layout
 from furcl.image.colour import luminance
 from furcl.light.latlong import LatLong
-from furcl.light.sky import Sky
+from furcl.light.preetham import Sky
 from furcl.light.tables import ConstantEnvironment, ImageEnvironment, SkyEnvironment
 from furcl.table import triple
 
