@@ -22,7 +22,7 @@ from furcl.device.memory import Memory
 from furcl.fibre.material import build_material
 from furcl.groom.curves import Curves
 from furcl.image.image import Image
-from furcl.light.environment import Environment
+from furcl.light.model import Light
 from furcl.render.film import Film
 from furcl.render.scene_structs import camera_struct
 from furcl.render.specialise import everything_on, left_out, scene_features, summary
@@ -87,10 +87,10 @@ class Renderer:
         self.seconds: dict[str, float] = {}
         self.lobe_counts = np.zeros(6, np.int64)
         self._forget_counts()
-        environment = Environment.from_scene(scene.environment)
-        self.environment_pixels_clamped = environment.n_negative
+        light = scene.build_light()
+        self.environment_pixels_clamped = light.n_negative
         fibre = scene.build_fibre()
-        features = scene_features(scene, fibre, environment)
+        features = scene_features(scene, fibre, light)
         self._specialised = specialised
         if not specialised:
             features = everything_on(features)
@@ -105,7 +105,7 @@ class Renderer:
                 self.material = build_material(self.memory, fibre, features, drop_lobes=specialised)
             curves = groom.result()
             self.features = self._with_groom(self.material.features, curves)
-            self._prepare_stages(scene, curves, environment, wave_size)
+            self._prepare_stages(scene, curves, light, wave_size)
             self.wavefront.place(geometry.result())
 
     def _take_groom(self, curves: Curves | Future[Curves] | None) -> Curves:
@@ -130,10 +130,10 @@ class Renderer:
         return bvh.arguments()
 
     def _prepare_stages(
-        self, scene: Scene, curves: Curves, environment: Environment, wave_size: int | None
+        self, scene: Scene, curves: Curves, light: Light, wave_size: int | None
     ) -> None:
         """Compile the kernels and allocate what they work on."""
-        light = environment.device_buffer(self.features.light_sampling)
+        light_data = light.device_buffer(self.features.light_sampling)
         self.film = Film.allocate(self.memory, scene.film.width, scene.film.height, self.features)
         self.wave_size = WaveSize(self.device, self.features, self.n_pixels, wave_size)
         with self._timed("compile"):
@@ -141,7 +141,7 @@ class Renderer:
                 self.memory,
                 self.features,
                 self.material,
-                index_checks.upload(self.memory, "environment", light, self.features.debug),
+                index_checks.upload(self.memory, "environment", light_data, self.features.debug),
                 camera_struct(scene, curves),
                 body_struct(scene.body),
                 self.film,

@@ -7,27 +7,27 @@ import os
 from furcl.device.features import Features
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.material import NEGLIGIBLE_SHARE, fibre_features
-from furcl.light.environment import ConstantLight, Environment
+from furcl.light.model import Light
 from furcl.scene.tables import Scene
 from furcl.table import triple
 
 
-def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Features:
+def scene_features(scene: Scene, fibre: Fibre, light: Light) -> Features:
     """What the kernels of a scene, with what is built from it, need, whatever the groom is.
 
-    The environment is sampled (MIS) where `light_sampling` says so, and by "auto" unless it is
-    constant: then every direction is worth the same and sampling it gains nothing. With
+    The light is sampled (MIS) where `light_sampling` says so, and by "auto" if that reduces noise.
+    What rays cannot find is sampled always. With
     FURCL_DEBUG=1 in the environment kernels check their indices.
     """
     render = scene.render
     light_sampling = render.light_sampling == "mis" or (
-        render.light_sampling == "auto" and environment.kind != "constant"
+        render.light_sampling == "auto" and light.worth_sampling
     )
     features = fibre_features(fibre, sampling=render.sampling, residual=render.residual)
-    grey = features.channels == 1 and _is_grey(scene, environment)
+    grey = features.channels == 1 and _is_grey(scene, light)
     return features.with_(
         channels=1 if grey else 3,
-        environment=environment.kind,
+        environment=light.kind,
         light_sampling=light_sampling,
         body=scene.body is not None,
         lens=scene.camera.aperture_radius > 0.0,
@@ -63,10 +63,9 @@ def everything_on(features: Features) -> Features:
     )
 
 
-def _is_grey(scene: Scene, environment: Environment) -> bool:
-    light = isinstance(environment, ConstantLight) and len(set(environment.value.tolist())) == 1
+def _is_grey(scene: Scene, light: Light) -> bool:
     body = scene.body is None or len(set(triple(scene.body.albedo))) == 1
-    return light and body
+    return light.grey and body
 
 
 def _parts(features: Features) -> dict[str, tuple[bool, str]]:
