@@ -20,6 +20,10 @@ class SamplerError(FurclError, ValueError):
     """A sampler that is not known, or cannot be registered."""
 
 
+class LightError(FurclError, ValueError):
+    """A light that is not known, or cannot be registered."""
+
+
 class SceneError(FurclError):
     """A scene file, or a value in it, that cannot be used."""
 

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from furcl.light.environment import Environment, ImageLight
+from furcl.light import kinds
+from furcl.light.constant import ConstantEnvironment
+from furcl.light.image import ImageLight
 from furcl.light.latlong import LatLong
-from furcl.light.tables import ConstantEnvironment, SkyEnvironment
+from furcl.light.model import Light
+from furcl.light.sky import SkyEnvironment
 
 ENVIRONMENTS = ("constant", "sky", "low sky", "sunless sky", "image", "turned image")
+# Where light arrives makes no difference to what comes from infinity.
+ANYWHERE = np.array([3.0, -1.0, 7.0])
 
 
-def make_environment(name: str) -> Environment:
+def make_environment(name: str) -> Light:
     """One of ENVIRONMENTS; suns are broad, so that histograms can resolve them."""
     if name == "constant":
-        return Environment.from_scene(ConstantEnvironment(radiance=(1.0, 2.0, 3.0)))
+        return kinds.from_table(ConstantEnvironment(radiance=(1.0, 2.0, 3.0)))
     if name.endswith("sky"):
         low, dark = name == "low sky", name == "sunless sky"
         settings = SkyEnvironment(
@@ -24,7 +29,7 @@ def make_environment(name: str) -> Environment:
             sun_scale=0.0 if dark else 0.3,
             ground_albedo=0.0 if dark else 0.3,
         )
-        return Environment.from_scene(settings)
+        return kinds.from_table(settings)
     rng = np.random.default_rng(5)
     rgb = rng.exponential(size=(8, 16, 3)).astype(np.float32) ** 2
     rgb[2, 14] = 40.0

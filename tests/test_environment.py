@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 from direction_statistics import SphereBins, chi_square_p, directions, sidak
-from environments import ENVIRONMENTS, make_environment
+from environments import ANYWHERE, ENVIRONMENTS, make_environment
 
 from furcl.errors import ImageError
-from furcl.light.environment import Environment, ImageLight
+from furcl.light import kinds
+from furcl.light.constant import ConstantEnvironment
+from furcl.light.image import ImageEnvironment, ImageLight
 from furcl.light.latlong import LatLong
-from furcl.light.sky import Sky, sun_illuminance, zenith_luminance
-from furcl.light.tables import ConstantEnvironment, ImageEnvironment
+from furcl.light.preetham import Sky, sun_illuminance, zenith_luminance
 
 N_SAMPLES = 600_000
 SKIES = [(2.0, 90.0), (3.0, 45.0), (6.0, 10.0), (10.0, 0.0)]
@@ -132,24 +134,27 @@ def test_ground_sends_back_its_albedo_of_the_light():
 
 
 def test_constant_radiance():
-    environment = Environment.from_scene(ConstantEnvironment(radiance=(1.0, 2.0, 3.0)))
+    environment = kinds.from_table(ConstantEnvironment(radiance=(1.0, 2.0, 3.0)))
     assert environment.radiance(np.eye(3)).tolist() == [[1.0, 2.0, 3.0]] * 3
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_pdf_integrates_to_one(name):
     environment = make_environment(name)
-    total = SphereBins(8, 16).integrals(environment.pdf, 120).sum()
+    total = SphereBins(8, 16).integrals(partial(environment.pdf, ANYWHERE), 120).sum()
     assert total == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_sample_and_pdf_agree(name, rng):
     environment = make_environment(name)
-    dirs, pdf = environment.sample(rng.random((10_000, 2)))
+    sample = environment.sample(ANYWHERE, rng.random((10_000, 2)))
+    dirs, pdf = sample.directions, sample.pdf
     np.testing.assert_allclose(np.linalg.norm(dirs, axis=1), 1.0, atol=1e-12)
-    np.testing.assert_allclose(environment.pdf(dirs), pdf, rtol=1e-9)
+    np.testing.assert_allclose(environment.pdf(ANYWHERE, dirs), pdf, rtol=1e-9)
     assert (pdf > 0.0).all()
+    np.testing.assert_array_equal(sample.radiance, environment.radiance(dirs))
+    assert np.isinf(sample.distances).all()
 
 
 @pytest.mark.statistical
@@ -157,9 +162,9 @@ def test_sample_and_pdf_agree(name, rng):
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_samples_follow_the_pdf(name, factor, rng):
     environment = make_environment(name)
-    dirs, _ = environment.sample(rng.random((N_SAMPLES, 2)))
+    dirs = environment.sample(ANYWHERE, rng.random((N_SAMPLES, 2))).directions
     bins = SphereBins(12, 24)
-    expected = bins.integrals(environment.pdf, 48) * N_SAMPLES * factor
+    expected = bins.integrals(partial(environment.pdf, ANYWHERE), 48) * N_SAMPLES * factor
     p = chi_square_p(bins.counts(dirs), expected)
     assert (p >= sidak(len(ENVIRONMENTS))) == (factor == 1.0), f"p = {p:.3g}"
 
@@ -168,8 +173,8 @@ def test_samples_follow_the_pdf(name, factor, rng):
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_light_by_sampling_is_light_by_quadrature(name, rng):
     environment = make_environment(name)
-    dirs, pdf = environment.sample(rng.random((200_000, 2)))
-    values = environment.radiance(dirs)[:, 1] / pdf
+    sample = environment.sample(ANYWHERE, rng.random((200_000, 2)))
+    values = sample.radiance[:, 1] / sample.pdf
     error = values.std() / math.sqrt(len(values))
     expected = SphereBins(8, 16).integrals(lambda d: environment.radiance(d)[:, 1], 120).sum()
     assert abs(values.mean() - expected) < 4.0 * error + 1e-3 * expected
@@ -239,13 +244,13 @@ def test_buffers_hold_tables_only_for_sampling():
     ("name", "n_negative"), [("forest", 826), ("studio", None), ("sunrise", None)]
 )
 def test_real_maps(shared_data, name, n_negative, rng):
-    light = Environment.from_scene(ImageEnvironment(file=str(shared_data / "env" / f"{name}.exr")))
+    light = kinds.from_table(ImageEnvironment(file=str(shared_data / "env" / f"{name}.exr")))
     assert isinstance(light, ImageLight)
     if n_negative is not None:
         assert light.n_negative == n_negative
-    dirs, pdf = light.sample(rng.random((50_000, 2)))
-    np.testing.assert_allclose(light.pdf(dirs), pdf, rtol=1e-6)
-    values = light.radiance(dirs)[:, 1] / pdf
+    sample = light.sample(ANYWHERE, rng.random((50_000, 2)))
+    np.testing.assert_allclose(light.pdf(ANYWHERE, sample.directions), sample.pdf, rtol=1e-6)
+    values = sample.radiance[:, 1] / sample.pdf
     height, width, _ = light.image.texels.shape
     band = -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1))) * (2.0 * math.pi / width)
     expected = float(light.image.texels[:, :, 1].sum(axis=1, dtype=np.float64) @ band)

@@ -1,67 +1,21 @@
-"""The kernels' environment against its float64 twin on the host."""
+"""The kernels' environments against their float64 twins on the host."""
 
 from __future__ import annotations
 
+from functools import partial
+
+import light_kernels
 import numpy as np
-import pyopencl as cl
 import pytest
 from direction_statistics import SphereBins, chi_square_p, sidak
-from environments import ENVIRONMENTS, make_environment
+from environments import ANYWHERE, ENVIRONMENTS, make_environment
 
-from furcl.device import program
-from furcl.device.features import Features
-from furcl.light.environment import Environment, ImageLight
+from furcl.light import kinds
+from furcl.light.image import ImageLight
 from furcl.light.latlong import LatLong
-from furcl.light.tables import SkyEnvironment
+from furcl.light.sky import SkyEnvironment
 
 N_SAMPLES = 600_000
-
-LOOKUP = """
-__kernel void lookup(__global const float* environment, __global const float* dirs,
-                     __global float* radiance, __global float* pdf)
-{
-    const uint i = get_global_id(0);
-    const float3 dir = vload3(i, dirs);
-    vstore3(environment_radiance(environment, dir), i, radiance);
-#if FURCL_LIGHT_SAMPLING
-    pdf[i] = environment_pdf(environment, dir);
-#endif
-}
-"""
-SAMPLE = """
-__kernel void sample(__global const float* environment, __global const float2* u,
-                     __global float* dirs, __global float* pdf)
-{
-    const uint i = get_global_id(0);
-    float density;
-    vstore3(environment_sample(environment, u[i], &density), i, dirs);
-    pdf[i] = density;
-}
-"""
-
-
-def run(device, environment: Environment, kernel: str, values, *, light_sampling: bool = True):
-    """Run a kernel of this file over rows of `values`; its two outputs, (n, 3) and (n,)."""
-    features = Features(environment=environment.kind, light_sampling=light_sampling)
-    text = (
-        program.source("light/environment.clh", features)
-        + LOOKUP
-        + (SAMPLE if light_sampling else "")
-    )
-    built = cl.Program(device.context, text).build(list(program.OPTIONS))
-    flags = cl.mem_flags
-    n = len(values)
-    inputs = [environment.device_buffer(light_sampling), np.ascontiguousarray(values, np.float32)]
-    buffers = [
-        cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=array)
-        for array in inputs
-    ]
-    outputs = [np.zeros((n, 3), np.float32), np.zeros(n, np.float32)]
-    buffers += [cl.Buffer(device.context, flags.WRITE_ONLY, array.nbytes) for array in outputs]
-    getattr(built, kernel)(device.queue, (n,), None, *buffers)
-    for array, buffer in zip(outputs, buffers[2:], strict=True):
-        cl.enqueue_copy(device.queue, array, buffer)
-    return outputs
 
 
 def sphere(rng, n):
@@ -77,15 +31,16 @@ def sphere(rng, n):
 def same_cells(environment, dirs):
     """Directions whose float32 rounding cannot move them over an edge of the density."""
     shifts = np.random.default_rng(0).normal(size=(8, *dirs.shape)) * 1e-6
-    pdf = environment.pdf(dirs.astype(np.float64))
-    return np.all([np.isclose(environment.pdf(dirs + s), pdf, rtol=1e-6) for s in shifts], axis=0)
+    pdf = environment.pdf(ANYWHERE, dirs.astype(np.float64))
+    moved = [environment.pdf(ANYWHERE, dirs + shift) for shift in shifts]
+    return np.all([np.isclose(other, pdf, rtol=1e-6) for other in moved], axis=0)
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_lookup_is_the_hosts(device, name, rng):
     environment = make_environment(name)
     dirs = sphere(rng, 20_000)
-    radiance, pdf = run(device, environment, "lookup", dirs)
+    radiance, pdf = light_kernels.lookup(device, environment, ANYWHERE, dirs)
     assert np.isfinite(radiance).all()
     inside = same_cells(environment, dirs)
     assert inside.mean() > 0.99
@@ -93,15 +48,15 @@ def test_lookup_is_the_hosts(device, name, rng):
     expected = environment.radiance(wide)
     scale = expected.max(axis=1, keepdims=True) + 1e-6
     assert np.abs((radiance - expected) / scale)[inside].max() < 1e-4
-    np.testing.assert_allclose(pdf[inside], environment.pdf(wide)[inside], rtol=2e-5)
+    np.testing.assert_allclose(pdf[inside], environment.pdf(ANYWHERE, wide)[inside], rtol=2e-5)
 
 
 @pytest.mark.parametrize("name", ["constant", "sky", "image"])
 def test_lookup_without_light_sampling(device, name, rng):
     environment = make_environment(name)
     dirs = sphere(rng, 500)
-    with_tables, _ = run(device, environment, "lookup", dirs)
-    without, _ = run(device, environment, "lookup", dirs, light_sampling=False)
+    with_tables, _ = light_kernels.lookup(device, environment, ANYWHERE, dirs)
+    without, _ = light_kernels.lookup(device, environment, ANYWHERE, dirs, light_sampling=False)
     np.testing.assert_allclose(without, with_tables, rtol=1e-6)
 
 
@@ -110,14 +65,18 @@ def test_samples_are_the_hosts(device, name, rng):
     environment = make_environment(name)
     u = (rng.integers(0, 1 << 24, (20_000, 2)) / (1 << 24)).astype(np.float32)
     u[:4] = [[0.0, 0.0], [0.0, 1.0 - 2**-24], [1.0 - 2**-24, 0.0], [1.0 - 2**-24, 1.0 - 2**-24]]
-    dirs, pdf = run(device, environment, "sample", u)
-    expected_dirs, expected_pdf = environment.sample(u.astype(np.float64))
+    dirs, distances, radiance, pdf = light_kernels.sample(device, environment, ANYWHERE, u)
+    expected_dirs, _, _, expected_pdf = environment.sample(ANYWHERE, u.astype(np.float64))
     np.testing.assert_allclose(np.linalg.norm(dirs, axis=1), 1.0, atol=1e-6)
     close = np.linalg.norm(dirs - expected_dirs, axis=1) < 2e-3
     assert close.mean() > 0.9995
     agree = np.isclose(pdf, expected_pdf, rtol=1e-4)
     assert agree.mean() > 0.9995
     assert (pdf > 0.0).all()
+    assert np.isinf(distances).all()
+    np.testing.assert_array_equal(
+        radiance, light_kernels.lookup(device, environment, ANYWHERE, dirs).radiance
+    )
 
 
 @pytest.mark.statistical
@@ -126,22 +85,22 @@ def test_samples_are_the_hosts(device, name, rng):
 def test_samples_follow_the_hosts_pdf(device, name, factor, rng):
     environment = make_environment(name)
     u = (rng.integers(0, 1 << 24, (N_SAMPLES, 2)) / (1 << 24)).astype(np.float32)
-    dirs, _ = run(device, environment, "sample", u)
+    dirs = light_kernels.sample(device, environment, ANYWHERE, u).directions
     bins = SphereBins(12, 24)
-    expected = bins.integrals(environment.pdf, 48) * N_SAMPLES * factor
+    expected = bins.integrals(partial(environment.pdf, ANYWHERE), 48) * N_SAMPLES * factor
     p = chi_square_p(bins.counts(dirs.astype(np.float64)), expected)
     assert (p >= sidak(len(ENVIRONMENTS))) == (factor == 1.0), f"p = {p:.3g}"
 
 
 def test_a_small_sun_keeps_its_power_in_float32(device, rng):
-    sky = Environment.from_scene(SkyEnvironment(sun_radius_deg=0.2665, sun_elevation_deg=30.0))
+    sky = kinds.from_table(SkyEnvironment(sun_radius_deg=0.2665, sun_elevation_deg=30.0))
     u = rng.random((200_000, 2)).astype(np.float32)
-    dirs, pdf = run(device, sky, "sample", u)
-    radiance, again = run(device, sky, "lookup", dirs)
+    dirs, _, _, pdf = light_kernels.sample(device, sky, ANYWHERE, u)
+    radiance, again = light_kernels.lookup(device, sky, ANYWHERE, dirs)
     np.testing.assert_allclose(pdf, again, rtol=1e-6)
     values = radiance[:, 1].astype(np.float64) / pdf
-    host_dirs, host_pdf = sky.sample(u.astype(np.float64))
-    expected = sky.radiance(host_dirs)[:, 1] / host_pdf
+    host = sky.sample(ANYWHERE, u.astype(np.float64))
+    expected = host.radiance[:, 1] / host.pdf
     assert values.mean() == pytest.approx(expected.mean(), rel=2e-4)
 
 
@@ -150,8 +109,8 @@ def test_a_large_map(device, rng):
     rgb[100, 300] = 3e4
     light = ImageLight(LatLong.make(rgb, rotation_deg=-33.0))
     u = (rng.integers(0, 1 << 24, (50_000, 2)) / (1 << 24)).astype(np.float32)
-    dirs, pdf = run(device, light, "sample", u)
-    radiance, again = run(device, light, "lookup", dirs)
+    dirs, _, _, pdf = light_kernels.sample(device, light, ANYWHERE, u)
+    radiance, again = light_kernels.lookup(device, light, ANYWHERE, dirs)
     # Rounding moves a sample at a cell's edge to the neighbour: 4e-7 rad against cells of 6e-3.
     assert np.isclose(pdf, again, rtol=1e-4).mean() > 0.998
     values = radiance[:, 1].astype(np.float64) / pdf

@@ -14,7 +14,7 @@ from furcl.device import layout, program
 from furcl.device.features import Features
 from furcl.errors import KernelIndexError
 from furcl.image.exr import write_exr
-from furcl.light.tables import ImageEnvironment
+from furcl.light.image import ImageEnvironment
 from furcl.render.renderer import Renderer
 
 

@@ -16,7 +16,7 @@ from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
 from furcl.groom import grow
 from furcl.groom.curves import Curves
 from furcl.groom.formats import save_curves
-from furcl.light.tables import ConstantEnvironment
+from furcl.light.constant import ConstantEnvironment
 from furcl.scene import camera as camera_module
 from furcl.scene.camera import Camera
 from furcl.scene.read import apply_overrides, decode_scene, load_scene, with_overrides

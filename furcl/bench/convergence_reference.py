@@ -16,7 +16,6 @@ from furcl.device import program
 from furcl.device.features import Features
 from furcl.fibre import samplers
 from furcl.image.image import Image
-from furcl.light.tables import ImageEnvironment
 from furcl.paths import cache_folder
 from furcl.render.renderer import Renderer
 from furcl.render.wavefront import STAGES
@@ -72,9 +71,8 @@ def scene_digest(scene: Scene) -> str:
     curves = scene.build_curves()
     arrays = (curves.points, curves.radii, curves.offsets)
     parts: list[object] = [np.ascontiguousarray(array).tobytes() for array in arrays]
-    if isinstance(scene.environment, ImageEnvironment):
-        parts.append(Path(scene.environment.file).read_bytes())
-        del document["environment"]["file"]
+    if "file" in document["environment"]:
+        parts.append(Path(document["environment"].pop("file")).read_bytes())
     if document["curves"]["generator"] == "file":
         del document["curves"]["file"]
     return digest(document, *parts)

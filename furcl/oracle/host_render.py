@@ -21,7 +21,6 @@ from furcl.fibre.double_cylinder.reference.angles import (
     wrapped_gaussian,
 )
 from furcl.groom.curves import Curves
-from furcl.light.environment import Environment
 from furcl.scene.tables import Scene
 
 Array = NDArray[np.float64]
@@ -34,7 +33,8 @@ _CHUNK = 2_000_000
 
 
 class HostRenderer:
-    """Paths through pixels of a scene with a box filter, a pinhole and no body.
+    """Paths through pixels of a scene with a box filter, a pinhole and no body, in a light that
+    rays find by chance.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class HostRenderer:
         self.profiles = profiles
         self.curves = scene.build_curves()
         self.fibre: Fibre = scene.build_fibre()
-        self.environment = Environment.from_scene(scene.environment)
+        self.light = scene.build_light()
         self._segments = _Segments(self.curves)
         self._lobes = [*reference.LOBES, *([reference.RESIDUAL] if scene.render.residual else [])]
 
@@ -62,7 +62,7 @@ class HostRenderer:
             _, segment, u = self._segments.closest(origin, direction, skip, skip_distance)
             out = segment < 0
             if out.any():
-                light = self.environment.radiance(direction[out])
+                light = self.light.radiance(direction[out])
                 radiance[alive[out]] += throughput[out] * light
             hit = np.flatnonzero(~out)
             if not len(hit) or depth == self.scene.render.max_depth:

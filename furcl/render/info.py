@@ -10,8 +10,6 @@ import numpy as np
 from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
-from furcl.light.environment import Environment
-from furcl.light.tables import ImageEnvironment
 from furcl.scene.read import load_scene
 from furcl.scene.tables import Scene
 
@@ -54,11 +52,9 @@ def _parameters(fibre: Fibre) -> str:
 
 
 def _describe_environment(scene: Scene) -> str:
-    settings = scene.environment
-    if not isinstance(settings, ImageEnvironment):
-        return str(settings)
-    clamped = Environment.from_scene(settings).n_negative
-    return f"{settings}, {clamped} pixels below zero set to zero"
+    clamped = scene.build_light().n_negative
+    found = f", {clamped} pixels below zero set to zero" if clamped else ""
+    return f"{scene.environment}{found}"
 
 
 def _describe_curves(curves: Curves) -> dict[str, str]:

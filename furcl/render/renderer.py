@@ -291,7 +291,7 @@ def render(
     renderer = Renderer(scene, device, wave_size, curves=curves)
     log.info(
         "%s",
-        summary(renderer.features, renderer.memory.total_bytes, renderer.seconds["compile"]),
+        summary(renderer.material, renderer.memory.total_bytes, renderer.seconds["compile"]),
     )
     complete = renderer.advance(scene.render.spp, progress, time_limit)
     image = renderer.image()

@@ -16,7 +16,7 @@ from typing import Any, Literal, NoReturn
 import msgspec
 
 from furcl.errors import FibreError, SceneError
-from furcl.scene.tables import Scene
+from furcl.scene.tables import Scene, scene_type
 
 Document = dict[str, Any]
 
@@ -140,11 +140,13 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
     curves = document.get("curves")
     if isinstance(curves, dict) and "generator" not in curves:
         document = {**document, "curves": {"generator": "file", **curves}}
-    _refuse_unknown(document, Scene, "", source)
+    known = scene_type()
+    _refuse_unknown(document, known, "", source)
     try:
-        scene = msgspec.convert(document, Scene)
+        decoded = msgspec.convert(document, known)
     except msgspec.ValidationError as error:
         _refuse(str(error), document, source)
+    scene = Scene(**{name: getattr(decoded, name) for name in Scene.__struct_fields__})
     for table, key in FILE_KEYS:
         file = getattr(getattr(scene, table), key, None)
         if file is not None and not Path(file).is_file():
@@ -240,7 +242,7 @@ def _refuse(message: str, document: Document, source: str) -> NoReturn:
     what, _, path = message.partition(" - at `$")
     keys = re.findall(r"\.(\w+)|\[(\d+)\]", path)
     value: Any = document
-    hint: Any = Scene
+    hint: Any = scene_type()
     for name, index in keys:
         if index:
             value, hint = value[int(index)], None
@@ -276,5 +278,5 @@ def _refuse(message: str, document: Document, source: str) -> NoReturn:
 
 def _tagged_by(field: str) -> list[type[msgspec.Struct]]:
     """The structs of the scene that the key `field` tells apart."""
-    hints = [hint for hint in _fields(Scene).values() if len(_structs_in(hint)) > 1]
+    hints = [hint for hint in _fields(scene_type()).values() if len(_structs_in(hint)) > 1]
     return [s for h in hints for s in _structs_in(h) if s.__struct_config__.tag_field == field]

@@ -8,8 +8,11 @@ messages.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+import functools
+import operator
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 
@@ -18,13 +21,18 @@ from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
 from furcl.fibre.double_cylinder.table import FibreTable
 from furcl.groom.generators import FibreCurves, FurCurves, HairCurves, build_generated
-from furcl.light.tables import ConstantEnvironment, ImageEnvironment, SkyEnvironment
+from furcl.light import kinds as lights
 from furcl.scene.camera import Camera
 from furcl.surface.ellipsoid import Body
 from furcl.table import Length, Rgb, Table
 
 if TYPE_CHECKING:
     from furcl.groom.curves import Curves
+    from furcl.light.model import Light
+
+    EnvironmentTable = Table
+else:
+    EnvironmentTable = functools.reduce(operator.or_, [light.table for light in lights.BUILT_IN])
 
 FILTER_SUPPORT_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
@@ -99,7 +107,7 @@ class Scene(Table, frozen=True, kw_only=True):
     camera: Camera = Camera()
     film: Film = Film()
     fibre: FibreTable
-    environment: ConstantEnvironment | SkyEnvironment | ImageEnvironment
+    environment: EnvironmentTable
     curves: FileCurves | HairCurves | FurCurves | FibreCurves
     body: Body | None = None
     render: Render = Render()
@@ -107,6 +115,15 @@ class Scene(Table, frozen=True, kw_only=True):
     def build_fibre(self) -> Fibre:
         """The fibre of the scene; raises FibreError on values outside their ranges."""
         return self.fibre.build()
+
+    def build_light(self) -> Light:
+        """The light of the scene; images are read here.
+
+        Raises
+        ------
+        ImageError      if the image cannot be used
+        """
+        return lights.from_table(self.environment)
 
     def build_curves(self) -> Curves:
         """Read or grow the groom.
@@ -135,3 +152,19 @@ class Scene(Table, frozen=True, kw_only=True):
             points = self.camera.outermost(points, self.film.aspect)
             points = np.concatenate([points, self.body.points()])
         return self.camera.resolved(points, self.film.aspect, radius)
+
+
+def scene_type() -> type[Scene]:
+    """The type to decode scenes with: Scene, its environment of any kind that is known by now."""
+    return _scene_type(tuple(lights.tables().values()))
+
+
+@functools.lru_cache(maxsize=4)
+def _scene_type(environments: tuple[type[Table], ...]) -> type[Scene]:
+    if environments == tuple(light.table for light in lights.BUILT_IN):
+        return Scene
+    environment = functools.reduce(operator.or_, environments)
+    extended = msgspec.defstruct(
+        "Scene", [("environment", environment)], bases=(Scene,), frozen=True, kw_only=True
+    )
+    return cast("type[Scene]", extended)
