@@ -12,7 +12,9 @@ import numpy as np
 
 from furcl import bcsdf
 from furcl.device.choice import Device, open_device
+from furcl.device.features import Features
 from furcl.device.memory import Memory
+from furcl.fibre import samplers
 from furcl.fibre.attenuation import tables_from_bins as from_bins
 from furcl.fibre.double_cylinder import medulla_walk
 from furcl.fibre.double_cylinder.paper import LOBE_SHARES
@@ -20,7 +22,7 @@ from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
 from furcl.fibre.double_cylinder.reference.angles import wrapped_gaussian
 from furcl.fibre.double_cylinder.reference.energy import nodes_over_h
-from furcl.fibre.material import build_material, fibre_features
+from furcl.fibre.material import build_material
 from furcl.render.probe import Probe
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
@@ -181,9 +183,10 @@ def lobes(device: Device) -> None:
     """Lobes that a render of a preset leaves out."""
     for name in PRESETS:
         fibre = Fibre.preset(name)
-        features = fibre_features(fibre, sampling="full-cdf")
-        material = build_material(Memory(device), fibre, features, drop_lobes=True)
-        print(f"{name}: leaves out", ", ".join(material.features.dropped_lobes) or "no lobe")
+        sampler = samplers.find("full-cdf")
+        material = build_material(Memory(device), fibre, Features(), sampler, drop_lobes=True)
+        dropped = material.fibre_features.dropped_lobes
+        print(f"{name}: leaves out", ", ".join(dropped) or "no lobe")
 
 
 def weights(device: Device) -> None:

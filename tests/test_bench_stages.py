@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 import render_tables
+from furcl.bench.stage_bytes import bytes_per_item, functions
 from results_tables import filled
 from scene_documents import fur_patch
 
 from furcl.bench import stages, waves
 from furcl.bench.features import preprocessed
-from furcl.bench.stage_bytes import bytes_per_item, functions
 from furcl.device import layout
 from furcl.device.features import Features
 from furcl.render.renderer import Renderer

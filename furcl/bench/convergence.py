@@ -170,7 +170,6 @@ class _Bench:
         start = time.perf_counter()
         renderer.advance(1)
         first = time.perf_counter() - start
-        renderer.settle()
         setup = {name: renderer.seconds[name] for name in ("curves", "bvh", "tables", "compile")}
         self.state.data["setup"][f"{self.scene.name}|{sampling}"] = {
             **setup,
@@ -181,7 +180,7 @@ class _Bench:
 
     def _key(self, content: str, renderer: Renderer) -> str:
         device = (self.device.name, self.device.platform, self.device.driver_version)
-        return digest(content, kernel_digest(renderer.features), device)
+        return digest(content, kernel_digest(renderer), device)
 
     def _check_keys(self, keys: Mapping[str, str]) -> None:
         for key, record in self.state.data["renders"].items():

@@ -12,13 +12,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from furcl.device import program
-from furcl.device.features import Features
 from furcl.fibre import samplers
 from furcl.image.image import Image
 from furcl.paths import cache_folder
 from furcl.render.renderer import Renderer
-from furcl.render.wavefront import STAGES
 from furcl.scene.tables import Scene
 
 PILOT_SPP = 8
@@ -57,9 +54,9 @@ def digest(*parts: object) -> str:
     return state.hexdigest()[:20]
 
 
-def kernel_digest(features: Features) -> str:
-    """A hash of the texts of all stages as they are compiled for `features`."""
-    return digest(*(program.source(file, features) for file in sorted(set(STAGES.values()))))
+def kernel_digest(renderer: Renderer) -> str:
+    """A hash of the texts of all stages as a renderer has compiled them."""
+    return digest(*sorted(renderer.wavefront.stage_texts().values()))
 
 
 def scene_digest(scene: Scene) -> str:
@@ -114,7 +111,7 @@ def render_reference(
     part_spp = -(-spp // N_CHUNKS)
     sampling = renderer.scene.render.sampling
     first_seed = seed_of("reference", 0)
-    key = digest(content, kernel_digest(renderer.features), part_spp, first_seed)
+    key = digest(content, kernel_digest(renderer), part_spp, first_seed)
     folder = cache_folder() / "references" / key
     folder.mkdir(parents=True, exist_ok=True)
     parts = []
@@ -149,6 +146,6 @@ def reference_samples_left(
 ) -> int:
     """Samples a pixel that `render_reference` has still to render."""
     part_spp = -(-spp // N_CHUNKS)
-    key = digest(content, kernel_digest(renderer.features), part_spp, seed_of("reference", 0))
+    key = digest(content, kernel_digest(renderer), part_spp, seed_of("reference", 0))
     folder = cache_folder() / "references" / key
     return part_spp * sum(not (folder / f"part{k}.exr").exists() for k in range(N_CHUNKS))

@@ -13,12 +13,9 @@ from typing import Any
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.device import program
 from furcl.device.choice import Device, open_device
-from furcl.device.features import Features
 from furcl.image.image import Image
 from furcl.render.renderer import Renderer
-from furcl.render.wavefront import STAGES
 from furcl.scene.read import load_scene, with_overrides
 
 log = logging.getLogger(__name__)
@@ -62,7 +59,6 @@ def run(
         pair = {name: Renderer(scene, opened, specialised=name == "specialised") for name in BUILDS}
         for renderer in pair.values():
             renderer.advance(1)
-            renderer.settle()
         seconds: dict[str, list[float]] = {name: [] for name in BUILDS}
         for _ in range(rounds):
             for name, renderer in pair.items():
@@ -103,31 +99,32 @@ def _build_facts(renderer: Renderer, seconds: list[float]) -> dict[str, Any]:
         "device_bytes": renderer.memory.total_bytes,
         "table_seconds": renderer.seconds["tables"],
         "compile_seconds": renderer.seconds["compile"],
-        "source_bytes": source_bytes(renderer.features),
+        "source_bytes": source_bytes(renderer),
     }
 
 
 def _state_and_table_bytes(renderer: Renderer) -> int:
     held = renderer.memory.bytes
-    return sum(held[name] for name in ("path state", "tables", "profiles", "film", "environment"))
+    return sum(held[name] for name in ("path state", "material", "film", "light"))
 
 
-def preprocessed(name: str, features: Features) -> str:
-    """The text of a kernel file as the compiler sees it: no directives, comments or blank lines."""
+def preprocessed(source: str) -> str:
+    """A kernel's text as the compiler sees it: no directives, comments or blank lines."""
     import pcpp
 
     preprocessor = pcpp.Preprocessor()
     preprocessor.define("__OPENCL_VERSION__ 120")
-    preprocessor.parse(program.source(name, features))
+    preprocessor.parse(source)
     text = io.StringIO()
     preprocessor.write(text)
     lines = text.getvalue().splitlines()
     return "\n".join(line for line in lines if line.strip() and not line.startswith("#line"))
 
 
-def source_bytes(features: Features) -> int:
+def source_bytes(renderer: Renderer) -> int:
     """Bytes of the preprocessed texts of all stages."""
-    return sum(len(preprocessed(file, features)) for file in sorted(set(STAGES.values())))
+    texts = set(renderer.wavefront.stage_texts().values())
+    return sum(len(preprocessed(text)) for text in texts)
 
 
 def compare_pictures(lean: Image, full: Image) -> dict[str, Any]:

@@ -31,14 +31,14 @@ from furcl.bench.stability_weights import (
     largest_weight,
     no_regions,
 )
-from furcl.device import layout
+from furcl.fibre.double_cylinder import layout
+from furcl.fibre.double_cylinder.model import MODEL
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import (
     AzimuthProfiles,
     LongitudinalProfiles,
     MedullaProfiles,
 )
-from furcl.fibre.material import fibre_features
 from furcl.render.probe import Probe
 
 Array = NDArray[np.float64]
@@ -147,13 +147,11 @@ def probe_of(fibre: Fibre, device, sampling: str = "full-cdf", specialised: bool
     Specialised, its kernels have what the fibre needs, as those of a render do; else everything, so
     that all fibres share one build.
     """
-    features = fibre_features(fibre, sampling=sampling, residual=True).with_(channels=3)
+    features = MODEL.features(fibre, residual=True)
     if not specialised:
-        features = features.with_(
-            medulla=True, scattered=True, profile_channels=3, layered=True, tilt=True
-        )
+        features = features.everything_on()
     profiles = random_profiles(features.profile_channels)
-    return Probe(fibre, device=device, features=features, profiles=profiles)
+    return Probe(fibre, sampling, device, channels=3, features=features, profiles=profiles)
 
 
 class Comparison:
@@ -307,7 +305,7 @@ class Comparison:
         numbers = np.where(ends < 1 / 6, 0.0, np.where(ends < 1 / 3, LAST, numbers))
         wi, h, lobe, weight, pdf = probe.sample(points.wo, numbers=numbers)
         allowed = largest_weight(probe, np.hypot(points.wo[:, 1], points.wo[:, 2]))
-        suffix = "" if probe.features.sampling == "full-cdf" else f" ({probe.features.sampling})"
+        suffix = "" if probe.sampler.name == "full-cdf" else f" ({probe.sampler.name})"
         for p, name in enumerate(probe.lobes):
             chosen = np.flatnonzero(lobe == p)
             if not len(chosen):
@@ -320,7 +318,7 @@ class Comparison:
             if self._largest(row, probe, points, scalar, allowed[p, chosen], chosen):
                 at = int(np.argmax(scalar / allowed[p, chosen]))
                 row.worst |= {"numbers": numbers[chosen[at]].tolist()}
-                row.worst |= {"sampling": probe.features.sampling}
+                row.worst |= {"sampling": probe.sampler.name}
             if not suffix:
                 self._regions(probe, points.wo[chosen], scalar)
             drawn = chosen[chosen % 2 == 1]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from furcl.bench.stability_points import Points
 from furcl.bench.stability_weights import Rows
-from furcl.device.features import SCATTERED_LOBES
 from furcl.fibre.double_cylinder import reference
+from furcl.fibre.double_cylinder.layout import SCATTERED
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import MedullaProfiles
 from furcl.render.probe import Probe
@@ -56,7 +56,7 @@ def reference_pdf(
     of the lobe over its attenuation, both without absorption, which it does not depend on.
     """
     clear, profiles = (fibre or probe.fibre).replace(sigma_ca=(0.0, 0.0, 0.0)), None
-    if probe.lobes[lobe] in SCATTERED_LOBES:
+    if probe.lobes[lobe] in SCATTERED:
         profiles = _without_absorption(probe.material.profiles)
     else:
         clear = clear.replace(sigma_ma=(0.0, 0.0, 0.0), sigma_ms=0.0)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from furcl.bench.stability_compare import Row, describe, probe_of
 from furcl.bench.stability_conditioning import reference_attenuation
 from furcl.bench.stability_points import Points
-from furcl.device import layout
-from furcl.fibre.double_cylinder import reference
+from furcl.fibre.double_cylinder import layout, reference
+from furcl.fibre.double_cylinder.densities import lobe_densities
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference import LOBES
 from furcl.fibre.double_cylinder.reference.angles import centre_and_width
@@ -79,9 +79,11 @@ def factors(device, betas: Sequence[float], thetas: Sequence[float]) -> list[Row
             at, weight = np.concatenate([x for x, _ in nodes], 1), [w for _, w in nodes]
             turned, w_turned = _pieces([(0.0, beta * math.sqrt(p + 1.0))], -math.pi, 2.0 * math.pi)
             ends = np.cumsum([len(w) for w in weight])[:-1]
-            m, _ = probe.densities(p, at[0], at[1], at[2], np.zeros(at.shape[1]))
+            m, _ = lobe_densities(
+                probe.memory, probe.material, p, at[0], at[1], at[2], np.zeros(at.shape[1])
+            )
             zero = np.zeros(len(turned))
-            _, d = probe.densities(p, zero, zero, zero, turned)
+            _, d = lobe_densities(probe.memory, probe.material, p, zero, zero, zero, turned)
             for part, w, (theta, *_) in zip(
                 np.split(m, ends), weight, np.split(at, ends, 1), strict=True
             ):

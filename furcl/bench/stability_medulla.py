@@ -8,7 +8,7 @@ import numpy as np
 
 from furcl.bench.stability_compare import Row
 from furcl.device.choice import Device
-from furcl.device.layout import PROFILE_PHIS, PROFILE_SINES
+from furcl.fibre.double_cylinder.layout import PROFILE_PHIS, PROFILE_SINES
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import build_profiles
 

@@ -106,7 +106,7 @@ def largest_weight(probe: Probe, cos: Array) -> Array:
     energy = np.full_like(cos, 1.001) if tables is None else BIN_RATIO * Rows(tables, cos).energy
     factors = np.ones(len(probe.lobes))
     if probe.material.profiles is not None:
-        factors[3:5] = _direction_factor(probe.material.profiles, probe.features.sampler)
+        factors[3:5] = _direction_factor(probe.material.profiles, probe.sampler)
     return factors[:, None] * energy
 
 

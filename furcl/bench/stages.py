@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from furcl.bench.record import circumstances, write_json
-from furcl.bench.stage_bytes import bytes_per_item
 from furcl.device.choice import Device, open_device
-from furcl.device.features import Features
 from furcl.render.renderer import Renderer
 from furcl.render.wavefront import RAY_STAGES
 from furcl.scene.read import load_scene
@@ -25,8 +23,9 @@ ITEMS = {
     "generate": "paths",
     "intersect_closest": "closest_rays",
     "shade_escaped": "misses",
-    "sample_lobe_h": "hits",
-    "shade": "hits",
+    "sample_lobe_h": "fibre_hits",
+    "shade": "fibre_hits",
+    "shade_surface": "surface_hits",
     "intersect_shadow": "shadow_rays",
     "add_to_film": "paths",
 }
@@ -75,22 +74,21 @@ def measure(
     Returns
     -------
     dict    `stages`: per kernel launches, ms, share of the time in kernels, a rate in million
-            items a second, bytes an item (`furcl.bench.stage_bytes`) and GB/s; `wall_seconds`;
+            items a second, `wall_seconds`;
             `launch_overhead`: share of the wall time in which no kernel runs; `mrays_s`,
             `mpaths_s` of the render; `intersect_mrays_s`: the same rays over the time of the
             intersect kernels alone; `end_to_end`: the first over the second
     """
     renderer = Renderer(scene, device, wave_size)
     renderer.advance(1)
-    renderer.settle()
     found = sorted((_round(renderer, spp) for _ in range(rounds)), key=lambda r: r["wall_seconds"])
     return {
         "scene": scene.name,
-        "segments": renderer.n_segments,
+        "segments": renderer.setup.n_segments,
         "size": [scene.film.width, scene.film.height],
         "wave_size": renderer.wave_size.paths,
         "wave_size_from": renderer.wave_size.origin,
-        "features": renderer.features.as_dict(),
+        "features": renderer.material.features.as_dict(),
         "compile_seconds": renderer.seconds["compile"],
         **found[len(found) // 2],
     }
@@ -102,6 +100,8 @@ def _counts(renderer: Renderer) -> dict[str, int]:
         "rays": renderer.rays,
         "closest_rays": renderer.rays - renderer.shadow_rays,
         "shadow_rays": renderer.shadow_rays,
+        "fibre_hits": renderer.hits - renderer.surface_hits,
+        "surface_hits": renderer.surface_hits,
         "hits": renderer.hits,
         "misses": renderer.misses,
     }
@@ -115,7 +115,7 @@ def _round(renderer: Renderer, spp: int) -> dict[str, Any]:
     renderer.advance(spp)
     wall = time.perf_counter() - start
     counted = {name: number - before[name] for name, number in _counts(renderer).items()}
-    stages = _stage_rows(wavefront.events, counted, renderer.features)
+    stages = _stage_rows(wavefront.events, counted)
     tracing = sum(row["ms"] for row in stages if row["stage"] in RAY_STAGES) / 1e3
     return {
         **counted,
@@ -129,13 +129,11 @@ def _round(renderer: Renderer, spp: int) -> dict[str, Any]:
     }
 
 
-def _stage_rows(
-    events: dict[str, list[Any]], counted: dict[str, int], features: Features
-) -> list[dict[str, Any]]:
+def _stage_rows(events: dict[str, list[Any]], counted: dict[str, int]) -> list[dict[str, Any]]:
     rows = []
     for stage, launches in events.items():
         ms = sum(e.profile.end - e.profile.start for e in launches) / 1e6
-        items, size = counted[ITEMS[stage]], bytes_per_item(stage, features)
+        items = counted[ITEMS[stage]]
         rows.append(
             {
                 "stage": stage,
@@ -143,8 +141,6 @@ def _stage_rows(
                 "ms": ms,
                 "counts": ITEMS[stage],
                 "million_per_second": items / ms / 1e3 if ms else 0.0,
-                "bytes_per_item": size,
-                "gb_per_second": items * size / ms / 1e6 if ms else 0.0,
             }
         )
     total = sum(row["ms"] for row in rows)

@@ -98,7 +98,7 @@ class Features:
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
         values["FURCL_SURFACE"] = int(self.surface is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
-        values["FURCL_TABLES"] = 0
+        values |= NO_SAMPLER
         for part in self.parts.values():
             values |= part.defines()
         return values
@@ -124,6 +124,9 @@ class Features:
         """One line for messages and logs."""
         return ", ".join(f"{name} {value}" for name, value in self.as_dict().items())
 
+
+# What a sampler's part defines, for kernels without one.
+NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0}
 
 PARTS = ("fibre", "sampler", "light", "surface")
 PLAIN_NAMES = {"fibre": "model", "sampler": "sampling", "light": "environment", "surface": "body"}

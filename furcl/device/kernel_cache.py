@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import cast
 
 import pyopencl as cl
+from pyopencl import _cl
 
 from furcl.device.choice import Device
 from furcl.files import write_cache
@@ -37,12 +38,12 @@ def binary_path(device: Device, text: str, options: Sequence[str]) -> Path | Non
     return cache_folder() / "kernels" / f"{cache_key(device, text, options)}.bin"
 
 
-def built(raw: cl._cl._Program, options: Sequence[str]) -> cl.Program:
+def built(raw: _cl._Program, options: Sequence[str]) -> cl.Program:
     """A program of pyopencl's lower layer, built for its context.
 
-    The upper layer makes a Python warning of whatever a compiler says although it succeeds (Intel's
-    says "done"). A filter for that would change the caller's process, and so would catching it while
-    other threads warn.
+    The upper layer makes a Python warning of whatever a compiler says although it succeeds
+    (Intel's says "done"). A filter for that would change the caller's process, and so would
+    catching it while other threads warn.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Progra
         if hashlib.sha256(binary).digest() != digest:
             log.warning("%s: damaged; building again", path)
             return None
-        return built(cl._cl._Program(device.context, [device.cl_device], [binary]), options)
+        return built(_cl._Program(device.context, [device.cl_device], [binary]), options)
     except (OSError, cl.Error) as error:
         log.warning("%s: not usable (%s); building again", path, error)
         return None

@@ -1,7 +1,7 @@
 """What crosses to the device, declared once: constants, structs, planes of the path state.
 
-`declarations` is the text in front of a kernel: of all that is declared here, and by the parts of its
-`Features`, what the kernel names. The numpy dtypes of the same structs are what the host fills.
+`declarations` is the text in front of a kernel: of all that is declared here, and by the parts of
+its `Features`, what the kernel names. The numpy dtypes of the same structs are what the host fills.
 """
 
 from __future__ import annotations
@@ -246,7 +246,9 @@ def _plane_text(features: Features) -> str:
 
 def struct_text(name: str, fields: Iterable[tuple[str, str]]) -> str:
     """The OpenCL declaration of a struct."""
-    return f"typedef struct {{ {' '.join(f'{kind} {field};' for field, kind in fields)} }} {name};\n"
+    return (
+        f"typedef struct {{ {' '.join(f'{kind} {field};' for field, kind in fields)} }} {name};\n"
+    )
 
 
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pyopencl as cl
+from pyopencl import _cl
 
 from furcl.device import kernel_cache
 from furcl.device.choice import Device
@@ -73,7 +74,7 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
     try:
         program = kernel_cache.load(device, path, OPTIONS)
         if program is None:
-            raw = cl._cl._Program(device.context, text)
+            raw = _cl._Program(device.context, text)
             program = kernel_cache.built(raw, OPTIONS)
             kernel_cache.store(program, path)
     except cl.Error as error:

@@ -16,7 +16,7 @@ import pyopencl as cl
 from furcl.device import layout, program
 from furcl.device.choice import Device, find_candidate, open_candidate
 from furcl.device.features import Features
-from furcl.device.verdict import EXIT_FAILED, SELFTEST_DEFINES
+from furcl.device.verdict import EXIT_FAILED
 from furcl.errors import DeviceError, FurclError, LayoutError
 
 N_ITEMS = 1024
@@ -161,7 +161,7 @@ def run(device: Device) -> None:
     ------
     KernelBuildError, DeviceError, LayoutError     what fails first
     """
-    kernels = program.build(device, "tools/selftest.cl", Features(), SELFTEST_DEFINES)
+    kernels = program.build(device, "tools/selftest.cl", Features())
     for test in TESTS:
         test(device, kernels)
 

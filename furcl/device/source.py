@@ -37,10 +37,10 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
     def header(part: str, asked_by: str) -> Path:
         if part not in features.parts:
             raise KernelBuildError(
-                f"{asked_by}: #include <{part}> - this build has {', '.join(features.parts) or 'no'}"
-                f" parts; give its Features a {part}"
+                f"{asked_by}: #include <{part}> - this build has of such parts "
+                f"{', '.join(features.parts) or 'none'}; give its Features a {part}"
             )
-        return features.parts[part].header
+        return folder / "include" / features.parts[part].header
 
     def walk(path: Path, asked_by: str) -> list[str]:
         if path.resolve() in seen:

@@ -21,7 +21,6 @@ from furcl.files import write_cache
 from furcl.paths import cache_folder
 
 TIMEOUT_S = 180.0
-SELFTEST_DEFINES = {"FURCL_LANES": 1}
 EXIT_FAILED = 10  # a self-test that ran and failed ends with this code
 
 # What in the output of a failed test stands for what, in plain words.
@@ -71,7 +70,7 @@ def explain(output: str, code: int) -> str:
 def _text_hash() -> str:
     """Of all that the self-test does: its kernels and what compares their results."""
     script = Path(__file__).with_name("selftest.py").read_text()
-    text = kernel_text("tools/selftest.cl", Features(), SELFTEST_DEFINES)
+    text = kernel_text("tools/selftest.cl", Features())
     return hashlib.sha256((text + script).encode()).hexdigest()
 
 

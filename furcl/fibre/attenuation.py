@@ -123,9 +123,7 @@ def tables_from_bins(bins: np.ndarray, peaks: np.ndarray | None = None) -> Atten
     bin_cdf = _inclusive_cdf(
         np.divide(means, sums, out=np.full_like(means, 1 / n_bins), where=sums > 0)
     )
-    joint = np.divide(
-        means, total[..., None], out=np.zeros_like(means), where=alive[..., None]
-    )
+    joint = np.divide(means, total[..., None], out=np.zeros_like(means), where=alive[..., None])
     return AttenuationTables(
         lobe_cdf=np.where(alive, lobe_cdf, 0.0).astype(np.float32),
         bin_cdf=bin_cdf.astype(np.float32),

@@ -36,7 +36,7 @@ class FibreMaterial:
     ----------
     fibre : object                      parameters, of the model's own class
     model : FibreModel
-    features : Features                 of its kernels: the scene's, with the parts fibre and sampler
+    features : Features                 of its kernels: the scene's, with fibre and sampler
     params : struct FibreParams
     profiles : object or None           what the model prepared (`FibreModel.prepare`), if used
     tables : AttenuationTables or None  None for samplers that need none

@@ -165,9 +165,10 @@ class FibreModel(ABC):
         nothing is."""
         return None
 
-    def data(self, prepared: Any, features: FibreFeatures) -> np.ndarray:
+    def data(self, prepared: Any, features: Any) -> np.ndarray:
         """The model's own data (features.data_words,) float32, made of what `prepare` returned."""
         return np.zeros(features.data_words, np.float32)
+
 
 _BUILT_IN = {"double-cylinder": "furcl.fibre.double_cylinder.model"}
 _registered: dict[str, FibreModel] = {}

@@ -1,8 +1,8 @@
 """The samplers of the BCSDF by name: those that come with furcl, and a user's own.
 
 A sampler is a file of OpenCL C that chooses the lobe and the offset h
-(kernels/include/fibre/sampler.clh says what it defines), and a way to choose the directions of lobes
-that have profiles. docs/own_sampler.md has an example.
+(kernels/include/fibre/sampler.clh says what it defines), and a way to choose the directions of
+lobes that have profiles. docs/own_sampler.md has an example.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ class Sampler:
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise SamplerError(
-                f"sampler {self.name!r}: {path} cannot be read: {reason}; register the sampler with "
-                f"the path of its file"
+                f"sampler {self.name!r}: {path} cannot be read: {reason}; register the sampler "
+                f"with the path of its file"
             ) from None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from furcl.light.model import Light
 from furcl.light.sample import LightSamples, around_z, from_infinity
-from furcl.paths import kernel_folder
 from furcl.table import Rgb, Table, check_range, triple
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class ConstantLight(Light):
 
     kind = "constant"
     table = ConstantEnvironment
-    header = kernel_folder() / "include" / "light" / "constant.clh"
+    header = Path("light/constant.clh")
     fields = (("RADIANCE", 3),)
     worth_sampling = False
 

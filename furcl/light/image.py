@@ -4,6 +4,7 @@ kernels/include/light/image.clh."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 from furcl.light.latlong import LatLong
 from furcl.light.model import Light
 from furcl.light.sample import LightSamples, from_infinity
-from furcl.paths import kernel_folder
 from furcl.table import Table
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class ImageLight(Light):
 
     kind = "image"
     table = ImageEnvironment
-    header = kernel_folder() / "include" / "light" / "image.clh"
+    header = Path("light/image.clh")
     fields = (("WIDTH", 1), ("HEIGHT", 1), ("ROTATION", 1))  # rotation in turns
 
     @classmethod

@@ -15,6 +15,7 @@ from furcl.light.constant import ConstantLight
 from furcl.light.image import ImageLight
 from furcl.light.model import Light
 from furcl.light.sky import SkyLight
+from furcl.paths import kernel_folder
 from furcl.table import Table
 
 FUNCTIONS = ("light_radiance", "light_sample", "light_density")
@@ -87,7 +88,7 @@ def register(light: type[Light]) -> type[Light]:
             f'tag="{kind}")'
         )
     try:
-        text = light.header.read_text()
+        text = (kernel_folder() / "include" / light.header).read_text()
     except OSError as error:
         raise LightError(
             f"light {kind!r}: {light.header} cannot be read: {error.strerror}; give the class the "

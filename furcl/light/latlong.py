@@ -146,10 +146,10 @@ class LatLong:
         low, high = self._edges(self.conditional, row, column)
         t_column = (u[:, 0] - low) / (high - low)
         top, bottom = (1.0 - np.cos((row + i) * (math.pi / height)) for i in (0, 1))
-        versine = top + t_row * (bottom - top)
-        level = np.sqrt(versine * (2.0 - versine))
+        one_minus_cos = top + t_row * (bottom - top)
+        level = np.sqrt(one_minus_cos * (2.0 - one_minus_cos))
         phi = 2.0 * math.pi * (0.5 + self.rotation - (column + t_column) / width)
-        dirs = np.stack([level * np.cos(phi), level * np.sin(phi), 1.0 - versine], axis=1)
+        dirs = np.stack([level * np.cos(phi), level * np.sin(phi), 1.0 - one_minus_cos], axis=1)
         return dirs, self._cell_pdf(row, column)
 
     def _place(self, dirs: Array) -> tuple[Array, Array]:

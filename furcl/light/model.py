@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from furcl.device.layout import Fields
 from furcl.errors import LightError
 from furcl.light.sample import LightSamples
 from furcl.table import Table
@@ -20,12 +21,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LightPart:
-    """What kernels are built from where a scene has this light.
+    """What kernels are built from where a scene has this light: the part <light> of their features.
 
     Attributes
     ----------
     name : str              kind of the light
-    header : Path           file behind the virtual include "light.clh"
+    header : Path           file in kernels/include, or absolute
     fields : tuple          parameters at the start of the light's buffer: name and number of floats
     at_infinity : bool      rays that leave the scene may find the light; if not, only light samples
                             do, and shadow rays end at their distance
@@ -36,21 +37,21 @@ class LightPart:
     fields: tuple[tuple[str, int], ...]
     at_infinity: bool = True
 
-    def defines(self) -> dict[str, int]:
-        """Preprocessor defines that headers and stages test."""
-        return {"FURCL_LIGHT_AT_INFINITY": int(self.at_infinity)}
-
-    def constants(self) -> dict[str, str | int]:
+    def defines(self) -> dict[str, int | str]:
         """LIGHT_<NAME>, where a parameter begins in the buffer, and LIGHT_SIZE, where all end."""
-        offsets: dict[str, str | int] = {}
+        offsets: dict[str, int | str] = {}
         at = 0
         for name, width in self.fields:
             offsets[f"LIGHT_{name}"] = f"{at}u"
             at += width
         return {**offsets, "LIGHT_SIZE": f"{at}u"}
 
-    def structs(self) -> dict[str, list[tuple[str, str]]]:
-        """Structs of the device that the host fills: none, the buffer holds floats only."""
+    def structs(self) -> dict[str, Fields]:
+        """None: the buffer holds floats only."""
+        return {}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Nothing beside the name."""
         return {}
 
 

@@ -34,10 +34,10 @@ def from_infinity(directions: Array, radiance: Array, pdf: Array) -> LightSample
     return LightSamples(directions, np.full(len(directions), np.inf), radiance, pdf)
 
 
-def around_z(versine: Array, turns: Array) -> Array:
-    """Unit vectors (n, 3) at 1 - cos(theta) = versine in [0, 2] and an azimuth in turns, z along
-    the axis."""
-    versine = np.clip(versine, 0.0, 2.0)
-    level = np.sqrt(versine * (2.0 - versine))
+def around_z(one_minus_cos: Array, turns: Array) -> Array:
+    """Unit vectors (n, 3) at 1 - cos(theta) = one_minus_cos in [0, 2] and an azimuth in turns, z
+    along the axis."""
+    one_minus_cos = np.clip(one_minus_cos, 0.0, 2.0)
+    level = np.sqrt(one_minus_cos * (2.0 - one_minus_cos))
     phi = 2.0 * math.pi * turns
-    return np.stack([level * np.cos(phi), level * np.sin(phi), 1.0 - versine], axis=1)
+    return np.stack([level * np.cos(phi), level * np.sin(phi), 1.0 - one_minus_cos], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
@@ -15,7 +16,6 @@ from furcl.image.colour import luminance
 from furcl.light.model import Light
 from furcl.light.preetham import Sky
 from furcl.light.sample import LightSamples, around_z, from_infinity
-from furcl.paths import kernel_folder
 from furcl.table import Rgb, Table, check_range, triple
 
 Array = NDArray[np.float64]
@@ -53,12 +53,12 @@ class SkyLight(Light):
 
     kind = "sky"
     table = SkyEnvironment
-    header = kernel_folder() / "include" / "light" / "sky.clh"
+    header = Path("light/sky.clh")
     fields = (
         ("SUN", 3),  # unit, to the sun's centre
         ("SUN_TANGENT", 3),  # unit, with SUN_BITANGENT a right-handed frame around SUN
         ("SUN_BITANGENT", 3),
-        ("SUN_VERSINE", 1),  # 1 - cos(radius)
+        ("SUN_ONE_MINUS_COS", 1),  # 1 - cos(radius)
         ("SUN_RADIANCE", 3),
         ("SUN_PDF", 1),  # chance of sampling the sun over its solid angle [1/sr]
         ("SUN_CHANCE", 1),
@@ -114,8 +114,8 @@ class SkyLight(Light):
         sun, sky, _ = self.chances
         in_cone, above = u[:, 0] < sun, u[:, 0] < sun + sky
         tangent, bitangent = self._sun_frame()
-        versine = 2.0 * math.sin(0.5 * self.sky.sun_radius) ** 2
-        cone = around_z(u[:, 0] / max(sun, 1e-300) * versine, u[:, 1])
+        one_minus_cos = 2.0 * math.sin(0.5 * self.sky.sun_radius) ** 2
+        cone = around_z(u[:, 0] / max(sun, 1e-300) * one_minus_cos, u[:, 1])
         directions = cone @ np.stack([tangent, bitangent, self.sky.sun])
         up = around_z((u[:, 0] - sun) / sky, u[:, 1])
         down = around_z((u[:, 0] - sun - sky) / max(1.0 - sun - sky, 1e-300), u[:, 1])
@@ -131,7 +131,7 @@ class SkyLight(Light):
                 "SUN": self.sky.sun,
                 "SUN_TANGENT": tangent,
                 "SUN_BITANGENT": bitangent,
-                "SUN_VERSINE": 2.0 * math.sin(0.5 * self.sky.sun_radius) ** 2,
+                "SUN_ONE_MINUS_COS": 2.0 * math.sin(0.5 * self.sky.sun_radius) ** 2,
                 "SUN_RADIANCE": self.sky.sun_radiance,
                 "SUN_PDF": sun / self.sky.sun_solid_angle,
                 "SUN_CHANCE": sun,

@@ -14,7 +14,7 @@ from furcl.render.renderer import Renderer
 from furcl.render.specialise import compiled_in, left_out
 from furcl.scene.tables import Scene
 
-_TABLES = ("tables", "profiles")
+_TABLES = ("material",)
 _FILM = ("film", "film samples", "nonfinite")
 
 
@@ -40,8 +40,8 @@ def describe(scene: Scene, device: str | Device | None = None) -> dict[str, str]
         "device": f"{opened.name}, {opened.platform}, driver {opened.driver_version}",
         **_describe_shares(fibre, profiles),
         "medulla tables": _describe_tables(profiles, cold, warm),
-        "compiled in": ", ".join(compiled_in(renderer.features)),
-        **{f"no {name}": why for name, why in left_out(renderer.features).items()},
+        "compiled in": ", ".join(compiled_in(renderer.material)),
+        **{f"no {name}": why for name, why in left_out(renderer.material).items()},
         **_describe_memory(renderer.memory.bytes),
         "set-up": ", ".join(f"{name} {t:.2f} s" for name, t in renderer.seconds.items()),
     }
@@ -85,7 +85,7 @@ def _describe_tables(profiles: MedullaProfiles | None, cold: float, warm: float)
 def _describe_memory(held: dict[str, int]) -> dict[str, str]:
     groups = {"geometry": build.BUFFERS, "tables": _TABLES, "film": _FILM}
     sizes = {name: sum(held[part] for part in parts) for name, parts in groups.items()}
-    sizes["environment"] = held["environment"]
+    sizes["environment"] = held["light"]
     sizes["path state"] = sum(held.values()) - sum(sizes.values())
     parts = ", ".join(f"{name} {size / 2**20:.2f}" for name, size in sizes.items())
     return {"device memory": f"{sum(held.values()) / 2**20:.2f} MiB: {parts}"}

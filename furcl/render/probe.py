@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pyopencl as cl
+from numpy.typing import ArrayLike
 
 from furcl.device import program
 from furcl.device.choice import Device, open_device
-from furcl.device.features import LOBES, Features
+from furcl.device.features import Features
 from furcl.device.launch import grid
 from furcl.device.memory import Memory
-from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.profiles import MedullaProfiles
-from furcl.fibre.material import build_material, fibre_features
+from furcl.errors import FibreError
+from furcl.fibre import samplers
+from furcl.fibre.material import build_material
+from furcl.fibre.model import FibreFeatures, model_of
+from furcl.fibre.samplers import Sampler
+
+# Kernels measure h by the share of the fibre's width; here its density is per unit of h, and the
+# width is 2.
+_PER_UNIT_OF_H = 0.5
+
+_UNIT_TOLERANCE = 1e-3
 
 
 class Probe:
@@ -24,45 +35,60 @@ class Probe:
 
     Parameters
     ----------
-    fibre : Fibre
-    sampling : str              "uniform-h", "attenuation-cdf" or "full-cdf"
+    fibre : Fibre               or the parameters of another model
+    sampling : str or Sampler   "uniform-h", "attenuation-cdf", "full-cdf" or a sampler of one's own
     device : str or Device      as for furcl.render
-    residual : bool             with the lobe TRRT+ as a sixth
+    residual : bool             with the lobe that holds TRRT and all later orders
     channels : int or None      force 3 channels for a grey fibre
-    profiles : MedullaProfiles or None      used instead of those that the fibre's medulla has
-    features : Features or None             compile for these instead of what the fibre needs
+    profiles : object or None   used instead of what the model prepares for the fibre
+    features : FibreFeatures or None        compile for these instead of what the fibre needs
 
     Raises
     ------
-    ValueError      unknown sampling, or arrays whose shapes do not agree
+    SamplerError    unknown sampling
+    FibreError      arrays whose shapes do not agree, directions that are not unit vectors, or h
+                    outside [-1, 1]
     DeviceError     no usable device
     """
 
     def __init__(
         self,
-        fibre: Fibre,
-        sampling: str = "full-cdf",
+        fibre: Any,
+        sampling: str | Sampler = "full-cdf",
         device: str | Device | None = None,
         residual: bool = False,
         channels: int | None = None,
-        profiles: MedullaProfiles | None = None,
-        features: Features | None = None,
+        profiles: Any = None,
+        features: FibreFeatures | None = None,
     ) -> None:
         self.fibre = fibre
         self.device = device if isinstance(device, Device) else open_device(device)
-        if features is None:
-            features = fibre_features(fibre, sampling=sampling, residual=residual)
-        self.features = features if channels is None else features.with_(channels=channels)
+        self.sampler = sampling if isinstance(sampling, Sampler) else samplers.find(sampling)
+        needed = 1 if features is None and model_of(fibre).is_grey(fibre) else 3
         self.memory = Memory(self.device)
-        self.material = build_material(self.memory, fibre, self.features, profiles=profiles)
-        self._program = program.build(self.device, "tools/probe.cl", self.features)
+        self.material = build_material(
+            self.memory,
+            fibre,
+            Features(channels=channels or needed),
+            self.sampler,
+            residual=residual,
+            fibre_features=features,
+            profiles=profiles,
+        )
+        self.features = self.material.features
+        self._program = program.build(
+            self.device, "tools/probe.cl", self.features, {"FURCL_LANES": 1}
+        )
+
+    def __repr__(self) -> str:
+        return f"<Probe: {self.material.model.name}, {self.sampler.name}, {self.device.name}>"
 
     @property
     def lobes(self) -> tuple[str, ...]:
         """Names of the lobes in the order of every lobe axis and index."""
-        return (*LOBES, "residual")[: self.features.n_lobes]
+        return self.material.lobes
 
-    def attenuation(self, h, theta_in) -> np.ndarray:
+    def attenuation(self, h: ArrayLike, theta_in: ArrayLike) -> np.ndarray:
         """A_p(h): the energy of every lobe.
 
         Parameters
@@ -74,11 +100,15 @@ class Probe:
         -------
         (lobes, n, 3) float32       in the order of `lobes`, in [0, 1]
         """
-        h, theta_in = np.broadcast_arrays(np.atleast_1d(h), np.atleast_1d(theta_in))
-        n = h.size
+        h, theta_in = _agreeing(h=np.atleast_1d(_offsets(h)), theta_in=np.atleast_1d(theta_in))
         angles = np.stack([np.sin(theta_in), np.cos(theta_in)], 1).astype(np.float32)
-        memory = Memory(self.device)
-        out = memory.allocate("out", 4 * 3 * self.features.n_lobes * n)
+        if not np.all(np.abs(theta_in) <= 0.5 * np.pi + 1e-6):
+            raise FibreError(
+                f"probe: theta_in goes from {np.min(theta_in)} to {np.max(theta_in)} - allowed is "
+                f"-pi/2 to pi/2 - give radians from the plane across the fibre"
+            )
+        n, memory = h.size, Memory(self.device)
+        out = memory.allocate("out", 4 * 3 * len(self.lobes) * n)
         self._run(
             "probe_attenuation",
             n,
@@ -86,12 +116,12 @@ class Probe:
             memory.upload("theta", angles),
             out,
             np.uint32(n),
-            self.material.params,
-            self.material.profile_buffer,
         )
-        return memory.read(out, (self.features.n_lobes, n, 3))
+        return memory.read(out, (len(self.lobes), n, 3))
 
-    def evaluate(self, wo, wi, h, lobe: int | None = None) -> np.ndarray:
+    def evaluate(
+        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, lobe: int | None = None
+    ) -> np.ndarray:
         """BCSDF value at offset h: sum of the lobes, or one of them.
 
         Parameters
@@ -107,7 +137,9 @@ class Probe:
         value, _ = self.evaluate_lobes(wo, wi, h)
         return value.sum(axis=0) if lobe is None else value[lobe]
 
-    def pdf(self, wo, wi, h, lobe: int | None = None) -> np.ndarray:
+    def pdf(
+        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, lobe: int | None = None
+    ) -> np.ndarray:
         """Density with which `sample` returns (lobe, h, wi), or (h, wi) for lobe = None.
 
         `0.5 * evaluate(wo, wi, h, lobe) / pdf(wo, wi, h, lobe)` is the weight that `sample`
@@ -120,7 +152,13 @@ class Probe:
         _, pdf = self.evaluate_lobes(wo, wi, h)
         return pdf.sum(axis=0) if lobe is None else pdf[lobe]
 
-    def sample(self, wo, n: int | None = None, seed: int = 0, numbers=None):
+    def direction_pdf(self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, lobe: int) -> np.ndarray:
+        """Density with which a lobe at offset h chooses wi, (n,) float32 [1/sr]."""
+        return self._evaluate(wo, wi, h)[2][lobe]
+
+    def sample(
+        self, wo: ArrayLike, n: int | None = None, seed: int = 0, numbers: ArrayLike | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Draw lobes, offsets and directions as a render does.
 
         Parameters
@@ -137,9 +175,9 @@ class Probe:
         h : (n,) float32
         lobe : (n,) uint32      index into `lobes`; len(lobes) where no lobe carries light
         weight : (n, 3) float32 what the path's throughput is multiplied with
-        pdf : (n,) float32      density of (lobe, h, wi)
+        pdf : (n,) float32      density of (lobe, h, wi) [1/sr per unit of h]
         """
-        wo = np.atleast_2d(np.asarray(wo, np.float64))
+        wo = np.atleast_2d(_unit("wo", wo))
         if n is not None:
             wo = np.broadcast_to(wo, (n, 3))
         n = len(wo)
@@ -159,28 +197,33 @@ class Probe:
             np.uint32(seed),
             np.uint32(numbers is not None),
             memory.upload("numbers", np.zeros(4) if numbers is None else numbers),
-            self.material.params,
-            self.material.table_buffer,
-            self.material.profile_buffer,
         )
         return (
             memory.read(outs["wi"], (n, 4))[:, :3],
             memory.read(outs["h"], n),
             memory.read(outs["lobe"], n, np.uint32),
             memory.read(outs["weight"], (n, 3)),
-            memory.read(outs["pdf"], n),
+            _PER_UNIT_OF_H * memory.read(outs["pdf"], n),
         )
 
-    def evaluate_lobes(self, wo, wi, h) -> tuple[np.ndarray, np.ndarray]:
+    def evaluate_lobes(
+        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Values (lobes, n, 3) and densities (lobes, n) of every lobe: `evaluate` and `pdf`."""
-        wo, wi, h = np.atleast_2d(wo), np.atleast_2d(wi), np.atleast_1d(h)
-        n = max(len(wo), len(wi), len(h))
+        value, joint, direction = self._evaluate(wo, wi, h)
+        return value, joint * direction
+
+    def _evaluate(
+        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of every lobe: value, density of (lobe, h), density of wi given both."""
+        wo, wi, h = np.atleast_2d(_unit("wo", wo)), np.atleast_2d(_unit("wi", wi)), _offsets(h)
+        rows, _, h = _agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)), h=np.atleast_1d(h))
+        n = rows.size
         wo, wi = np.broadcast_to(wo, (n, 3)), np.broadcast_to(wi, (n, 3))
-        h = np.broadcast_to(h, (n,))
-        memory = Memory(self.device)
-        lobes = self.features.n_lobes
+        memory, lobes = Memory(self.device), len(self.lobes)
         value = memory.allocate("value", 12 * lobes * n)
-        pdf = memory.allocate("pdf", 4 * lobes * n)
+        joint, direction = (memory.allocate(name, 4 * lobes * n) for name in ("joint", "direction"))
         self._run(
             "probe_evaluate",
             n,
@@ -188,51 +231,56 @@ class Probe:
             memory.upload("wi", _float4(wi)),
             memory.upload("h", h.astype(np.float32)),
             value,
-            pdf,
+            joint,
+            direction,
             np.uint32(n),
-            self.material.params,
-            self.material.table_buffer,
-            self.material.profile_buffer,
         )
-        return memory.read(value, (lobes, n, 3)), memory.read(pdf, (lobes, n))
-
-    def densities(
-        self, lobe: int, theta_in, theta_out, phi, turned
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The two factors of the density of R, TT or TRT, each alone.
-
-        Parameters
-        ----------
-        lobe : int              0, 1 or 2
-        theta_in : (n,)         inclination of wo [rad]
-        theta_out : (n,)        inclination of wi [rad]
-        phi : (n,)              azimuth of wi from wo [rad], on which the centre of R depends
-        turned : (n,)           azimuth of wi from the lobe's centre [rad]
-
-        Returns
-        -------
-        m : (n,) float32        longitudinal, per unit of sin(theta_out); integral 1
-        d : (n,) float32        azimuthal [1/rad]; integral 1
-        """
-        n = len(theta_in)
-        memory = Memory(self.device)
-        theta = np.stack([np.sin(theta_in), np.cos(theta_in)], 1).astype(np.float32)
-        to = np.stack([np.sin(theta_out), np.cos(theta_out), phi, turned], 1).astype(np.float32)
-        out = [memory.allocate(name, 4 * n) for name in ("longitudinal", "azimuthal")]
-        self._run(
-            "probe_densities",
-            n,
-            memory.upload("theta", theta),
-            memory.upload("to", to),
-            *out,
-            np.uint32(n),
-            np.uint32(lobe),
-            self.material.params,
+        return (
+            memory.read(value, (lobes, n, 3)),
+            _PER_UNIT_OF_H * memory.read(joint, (lobes, n)),
+            memory.read(direction, (lobes, n)),
         )
-        return memory.read(out[0], n), memory.read(out[1], n)
 
     def _run(self, name: str, n: int, *arguments) -> None:
-        cl.Kernel(self._program, name)(self.device.queue, *grid(n), *arguments)
+        kernel = cl.Kernel(self._program, name)
+        kernel(self.device.queue, *grid(n), *arguments, self.material.buffer)
+
+
+def _unit(name: str, w: ArrayLike) -> np.ndarray:
+    """Directions (..., 3) float64 of unit length."""
+    w = np.asarray(w, np.float64)
+    if w.ndim not in (1, 2) or w.shape[-1] != 3:
+        raise FibreError(
+            f"probe: {name} has shape {w.shape} - allowed are (n, 3) and (3,) - x is the tangent"
+        )
+    if not np.all(np.abs((w * w).sum(-1) - 1.0) <= _UNIT_TOLERANCE):
+        raise FibreError(
+            f"probe: {name} holds vectors that are not of length 1 - allowed are unit vectors in "
+            f"the fibre's frame - normalise them"
+        )
+    return w
+
+
+def _offsets(h: ArrayLike) -> np.ndarray:
+    h = np.asarray(h, np.float64)
+    if not np.all(np.abs(h) <= 1.0):
+        raise FibreError(
+            f"probe: h goes from {np.min(h)} to {np.max(h)} - allowed is -1 to 1 - give the offset "
+            f"of the ray from the axis over the radius"
+        )
+    return h
+
+
+def _agreeing(**arrays: np.ndarray) -> list[np.ndarray]:
+    """Arrays (n,) or (1,) as arrays (n,)."""
+    sizes = {name: np.shape(array) for name, array in arrays.items()}
+    try:
+        return list(np.broadcast_arrays(*arrays.values()))
+    except ValueError:
+        raise FibreError(
+            f"probe: sizes {', '.join(f'{name} {size}' for name, size in sizes.items())} do not "
+            f"agree - allowed are one size n, or 1"
+        ) from None
 
 
 def _float4(vectors: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from furcl.device.layout import NO_SEGMENT
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
 
+
 class Rays:
     """Rays that stay on the device while they are traced, once or many times.
 

@@ -59,6 +59,7 @@ class Renderer:
     samples_done : int              whole samples a pixel
     rays, shadow_rays : int         rays of all kinds, and those to lights
     hits, misses : int              what the others met: fibres and surfaces, or nothing
+    surface_hits : int              hits on surfaces
 
     Raises
     ------
@@ -106,7 +107,8 @@ class Renderer:
         self.seconds.pop("render", None)
 
     def _forget_counts(self) -> None:
-        self.paths_done = self.rays = self.shadow_rays = self.hits = self.misses = 0
+        self.paths_done = self.rays = self.shadow_rays = 0
+        self.hits = self.surface_hits = self.misses = 0
         self._rays_with_lobes = 0
         self.lobe_counts[:] = 0
 
@@ -176,7 +178,9 @@ class Renderer:
         active, shadows = int(counts[layout.COUNT_NEXT]), int(counts[layout.COUNT_SHADOWS])
         self.rays += active + shadows
         self.shadow_rays += shadows
-        self.hits += int(counts[layout.COUNT_HITS :].sum())
+        hits = counts[layout.COUNT_HITS :]
+        self.hits += int(hits.sum())
+        self.surface_hits += int(hits[layout.MATERIALS.index("surface")])
         self.misses += int(counts[layout.COUNT_MISSES])
         return active
 

@@ -9,9 +9,9 @@ from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.errors import ResourceError
 
-# Renders on CPUs are as fast with any size from 2^14 to 2^18 within a few percent, and PoCL compiles
-# kernels again for grids of 2^16 work-items and more; docs/notebook.md has the measurement. A GPU
-# needs enough paths to fill it.
+# Renders on CPUs are as fast with any size from 2^14 to 2^18 within a few percent, and PoCL
+# compiles kernels again for grids of 2^16 work-items and more; docs/notebook.md has the
+# measurement. A GPU needs enough paths to fill it.
 DEFAULT_CPU = 1 << 15
 DEFAULT_GPU = 1 << 20
 

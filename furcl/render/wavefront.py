@@ -22,6 +22,7 @@ from furcl.device.launch import (
     ray_grid,
 )
 from furcl.device.memory import Memory, fill
+from furcl.device.source import kernel_text
 from furcl.fibre.material import FibreMaterial
 from furcl.render.film import Film
 
@@ -155,13 +156,25 @@ class Wavefront:
         self.geometry = no_geometry(memory)
         self._warm_up()
 
+    def stage_features(self, stage: str) -> Features:
+        """What a stage is built with."""
+        of_material = ("sample_lobe_h", "shade")
+        return self.material.features if stage in of_material else self.features
+
+    def stage_texts(self) -> dict[str, str]:
+        """The text of every stage as it is compiled."""
+        device = self.memory.device
+        return {
+            stage: kernel_text(file, self.stage_features(stage), stage_defines(stage, device))
+            for stage, file in stage_files(self.features).items()
+        }
+
     def _build_stages(self) -> dict[str, Stage]:
         """Compile the kernels."""
         device = self.memory.device
-        of_material = {"sample_lobe_h": self.material.features, "shade": self.material.features}
         stages = {}
         for stage, file in stage_files(self.features).items():
-            features = of_material.get(stage, self.features)
+            features = self.stage_features(stage)
             built = program.build(device, file, features, stage_defines(stage, device))
             stages[stage] = Stage(cl.Kernel(built, stage))
         return stages
@@ -225,7 +238,9 @@ class Wavefront:
 
     def shade_escaped(self, wave: np.ndarray, active: int) -> None:
         """Add the light to the paths that met nothing; they end."""
-        self._launch("shade_escaped", active, self.state, self.misses, self.counts, wave, self.light)
+        self._launch(
+            "shade_escaped", active, self.state, self.misses, self.counts, wave, self.light
+        )
 
     def scatter(self, wave: np.ndarray, active: int, depth: int) -> None:
         """Continue the paths that met something, material by material."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import msgspec
 import numpy as np
@@ -18,13 +18,12 @@ from msgspec import Meta
 
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
 from furcl.fibre.double_cylinder.table import FibreTable
 from furcl.groom.generators import FibreCurves, FurCurves, HairCurves, build_generated
 from furcl.light import kinds as lights
 from furcl.scene.camera import Camera
 from furcl.surface.ellipsoid import Body
-from furcl.table import Length, Rgb, Table
+from furcl.table import Length, Table
 
 if TYPE_CHECKING:
     from furcl.groom.curves import Curves

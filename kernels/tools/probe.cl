@@ -1,6 +1,7 @@
 /* The device functions that render, on arrays: one work-item an element.
    Directions are float4 with the tangent as x; values have three channels whatever the build; densities of
    h are relative to h uniform over the fibre's width (fibre/sampler.clh). */
+#include "core/rng.clh"
 #include "fibre/sampler.clh"
 #include "geometry/frame.clh"
 

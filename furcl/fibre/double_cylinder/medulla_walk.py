@@ -1,7 +1,8 @@
 """Launches the random walks behind the medulla profiles and adds their counts up.
 
-The walks are in kernels/prepare/medulla.cl. Source: docs/model.md, Medulla; estimators by expected value, forced
-collisions and the balance heuristic are classic (Spanier and Gelbard 1969, Veach 1997).
+The walks are in kernels/prepare/medulla.cl. Source: docs/model.md, Medulla; estimators by expected
+value, forced collisions and the balance heuristic are classic (Spanier and Gelbard 1969, Veach
+1997).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import pyopencl as cl
 from furcl.device import program
 from furcl.device.choice import Device
 from furcl.device.features import Features
+from furcl.device.memory import Memory
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
 from furcl.fibre.double_cylinder.layout import (
     MEDULLA_CYCLE,
@@ -25,7 +27,6 @@ from furcl.fibre.double_cylinder.layout import (
     PROFILE_TAUS,
     PROFILE_THETAS,
 )
-from furcl.device.memory import Memory
 from furcl.fibre.double_cylinder.parameters import Fibre
 
 log = logging.getLogger(__name__)
@@ -213,7 +214,8 @@ class Walker:
         tally.azimuth_photons[rows] += photons
 
     def add_longitudinal(self, photons: int) -> None:
-        """Trace `photons` more, a multiple of MEDULLA_CYCLE, in each batch of the longitudinal rows."""
+        """Trace `photons` more, a multiple of MEDULLA_CYCLE, in each batch of the rows over
+        theta_i."""
         tally, plan = self.tally, self.plan
         shape = (1, BATCHES, 2 * PROFILE_THETAS, PROFILE_SINES)
         arrays = (plan.longitudinal, plan.incidence)

@@ -1,8 +1,8 @@
 """Profiles of the light that a medulla scatters, simulated for one material.
 
-Source: docs/model.md, Medulla; Yan et al. 2015 and 2017 tabulate the same for all materials. Changed: one
-material only (so no limit on sigma_ms and g and no tensor compression), absorption exact as
-weights exp(-sigma_ma l) instead of a mean length, profiles of h up to the rim.
+Source: docs/model.md, Medulla; Yan et al. 2015 and 2017 tabulate the same for all materials.
+Changed: one material only (so no limit on sigma_ms and g and no tensor compression), absorption
+exact as weights exp(-sigma_ma l) instead of a mean length, profiles of h up to the rim.
 
 Proofs: tests/test_medulla.py holds the tables against an analog walk that shares nothing with them.
 """

@@ -59,7 +59,8 @@ class FibreTable(Table, frozen=True, kw_only=True):
         changes: dict[str, Any] = {
             name: getattr(self, name)
             for name in self.__struct_fields__
-            if name not in ("model", "preset", "colour", "melanin") and getattr(self, name) is not None
+            if name not in ("model", "preset", "colour", "melanin")
+            and getattr(self, name) is not None
         }
         if self.preset is not None:
             fibre = Fibre.preset(self.preset, **changes)
