@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-
 from furcl.device.features import Features
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.material import NEGLIGIBLE_SHARE, fibre_features
 from furcl.light.environment import ConstantLight, Environment
 from furcl.scene.tables import Scene
+from furcl.settings import switched_on
 from furcl.table import triple
 
 
@@ -35,7 +34,7 @@ def scene_features(scene: Scene, fibre: Fibre, environment: Environment) -> Feat
         roulette=render.roulette_depth < render.max_depth,
         variance=render.variance,
         statistics=render.statistics,
-        debug=os.environ.get("FURCL_DEBUG", "0") not in ("", "0"),
+        debug=switched_on("FURCL_DEBUG"),
     )
 
 
