@@ -86,6 +86,11 @@ def test_png_is_srgb_at_the_exposure(stops):
         assert abs(int(byte) - 255.0 * curve) <= 0.501
 
 
+def test_repr_is_a_short_line(picture):
+    assert repr(picture) == "Image(20 x 12, 16 spp, with variance)"
+    assert repr(Image(picture.rgb, None, {"scene": "fox"})) == "Image(20 x 12, 'fox')"
+
+
 def test_notebook_shows_the_png(picture):
     assert picture._repr_png_() == picture.png_bytes()
     assert picture.png_bytes().startswith(b"\x89PNG")
