@@ -1,17 +1,65 @@
-"""The tables of the groom generators, made from signatures and ranges of `furcl.groom.grow`."""
+"""The tables of grooms in scenes: a file, and one for each generator of `furcl.groom.grow`.
+
+Those of generators are made from their signatures and ranges.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
 from furcl.groom import grow
+from furcl.groom.curves import Curves
+from furcl.table import Length, Table
 
-if TYPE_CHECKING:
-    from furcl.groom.curves import Curves
+
+class CurvesTable(Table, frozen=True, kw_only=True, tag_field="generator"):
+    """Base of the tables of grooms; a subclass says its generator as `tag`."""
+
+    def build(self) -> Curves:
+        """Read or grow the groom.
+
+        Raises
+        ------
+        GroomError      if the file cannot be used, or the generator refuses its parameters
+        """
+        raise NotImplementedError
+
+
+class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
+    """A groom file.
+
+    Radii are multiplied by `radius_scale`; `default_radius` stands in where the file has none.
+    `up_axis` = "y" turns a groom whose +y is up to stand along +z, facing -y if it faced +z.
+    """
+
+    file: Annotated[str, Meta(examples=["groom.hair"])]
+    radius_scale: Annotated[float, Meta(gt=0.0, le=1e9)] = 1.0
+    default_radius: Length | None = None
+    up_axis: Literal["y", "z"] = "z"
+
+    def build(self) -> Curves:
+        from furcl.groom.formats import load_curves
+
+        curves = load_curves(self.file, self.default_radius, self.radius_scale)
+        if self.up_axis == "z":
+            return curves
+        points = curves.points[:, [0, 2, 1]]
+        points[:, 1] *= -1.0
+        points.flags.writeable = False
+        return dataclasses.replace(curves, points=points)
+
+
+class _Grown(CurvesTable, frozen=True, kw_only=True):
+    """A groom of a generator of furcl's; its fields are the generator's parameters."""
+
+    def build(self) -> Curves:
+        generator = grow.GENERATORS[str(self.__struct_config__.tag)]
+        return generator(**{name: getattr(self, name) for name in self.__struct_fields__})
 
 
 def _field_type(allowed: tuple[Any, ...], default: Any) -> Any:
@@ -26,47 +74,27 @@ def _field_type(allowed: tuple[Any, ...], default: Any) -> Any:
     return kind | None if default is None else kind
 
 
-def _table(generator: str, ranges: dict[str, tuple[Any, ...]]) -> Any:
+def _grown(generator: str) -> Any:
     parameters = inspect.signature(grow.GENERATORS[generator]).parameters
+    ranges = grow.RANGES[generator]
     fields = [
         (name, _field_type(ranges[name], parameter.default), parameter.default)
         for name, parameter in parameters.items()
     ]
-    return msgspec.defstruct(
+    table = msgspec.defstruct(
         f"{generator.capitalize()}Curves",
         fields,
+        bases=(_Grown,),
         frozen=True,
         kw_only=True,
-        forbid_unknown_fields=True,
-        tag_field="generator",
         tag=generator,
         module=__name__,
     )
+    globals()[table.__name__] = table  # where pickle looks for it
+    return table
 
 
-if TYPE_CHECKING:
-
-    class HairCurves(msgspec.Struct, frozen=True):
-        """Hair on an ellipsoidal scalp."""
-
-    class FurCurves(msgspec.Struct, frozen=True):
-        """Fur on a sphere or a patch."""
-
-    class FibreCurves(msgspec.Struct, frozen=True):
-        """Parallel straight fibres."""
-
-else:
-    HairCurves = _table("hair", grow.HAIR_RANGES)
-    FurCurves = _table("fur", grow.FUR_RANGES)
-    FibreCurves = _table("fibre", grow.FIBRE_RANGES)
-
-
-def build_generated(table: msgspec.Struct) -> Curves:
-    """Grow the groom that a table describes.
-
-    Raises
-    ------
-    GroomError      if the generator refuses its parameters
-    """
-    generator = grow.GENERATORS[str(table.__struct_config__.tag)]
-    return generator(**{name: getattr(table, name) for name in table.__struct_fields__})
+BUILT_IN: dict[str, type[CurvesTable]] = {
+    "file": FileCurves,
+    **{generator: _grown(generator) for generator in grow.GENERATORS},
+}

@@ -7,23 +7,23 @@ messages.
 
 from __future__ import annotations
 
-import dataclasses
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
 
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
-from furcl.groom.generators import FibreCurves, FurCurves, HairCurves, build_generated
+from furcl.fibre.double_cylinder.table import FibreTable
+from furcl.groom import kinds as groom_kinds
+from furcl.groom.curves import Curves
+from furcl.groom.tables import CurvesTable
 from furcl.light.tables import ConstantEnvironment, ImageEnvironment, SkyEnvironment
 from furcl.scene.camera import Camera
 from furcl.surface.ellipsoid import Body
-from furcl.table import Length, Rgb, Table
-
-if TYPE_CHECKING:
-    from furcl.groom.curves import Curves
+from furcl.table import Table
 
 FILTER_SUPPORT_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
@@ -55,80 +55,6 @@ class Film(Table, frozen=True, kw_only=True):
         return self.width / self.height
 
 
-class Melanin(Table, frozen=True, kw_only=True):
-    """Concentrations of the pigments of hair, 0..100 (0.3 blond, 1.3 brown, 8 black)."""
-
-    eumelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
-    pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
-
-
-class FibreTable(Table, frozen=True, kw_only=True):
-    """A preset, parameters that replace its own, and the colour in at most one of three ways.
-
-    Without a preset exactly one of sigma_ca, colour and melanin is required and the other
-    parameters default to those of `furcl.Fibre`, which also states the ranges.
-    """
-
-    preset: str | None = None
-    eta: float | None = None
-    kappa: float | None = None
-    alpha_deg: float | None = None
-    beta_m_deg: float | None = None
-    beta_n_deg: float | None = None
-    sigma_ca: Rgb | None = None
-    sigma_ms: float | None = None
-    sigma_ma: Rgb | None = None
-    g: float | None = None
-    layers: float | None = None
-    colour: tuple[float, float, float] | None = None
-    melanin: Melanin | None = None
-
-    def __post_init__(self) -> None:
-        ways = [k for k in ("sigma_ca", "colour", "melanin") if getattr(self, k) is not None]
-        if len(ways) > 1:
-            raise ValueError(f"the colour is given by {' and '.join(ways)}; keep one of them")
-        if not ways and self.preset is None:
-            raise ValueError(
-                "there is neither a preset nor a colour; give preset, sigma_ca, colour or melanin"
-            )
-
-    def build(self) -> Fibre:
-        """The fibre that the table describes.
-
-        Raises
-        ------
-        FibreError      unknown preset, or a value outside its range
-        """
-        changes: dict[str, Any] = {
-            name: getattr(self, name)
-            for name in self.__struct_fields__
-            if name not in ("preset", "colour", "melanin") and getattr(self, name) is not None
-        }
-        if self.preset is not None:
-            fibre = Fibre.preset(self.preset, **changes)
-        else:
-            fibre = Fibre(**changes)
-        if self.melanin is not None:
-            sigma_ca = sigma_ca_from_melanin(self.melanin.eumelanin, self.melanin.pheomelanin)
-            return fibre.replace(sigma_ca=sigma_ca)
-        if self.colour is not None:
-            return fibre.replace(sigma_ca=sigma_ca_from_colour(self.colour, fibre.beta_n_deg))
-        return fibre
-
-
-class FileCurves(Table, frozen=True, kw_only=True, tag_field="generator", tag="file"):
-    """A groom file.
-
-    Radii are multiplied by `radius_scale`; `default_radius` stands in where the file has none.
-    `up_axis` = "y" turns a groom whose +y is up to stand along +z, facing -y if it faced +z.
-    """
-
-    file: str
-    radius_scale: Annotated[float, Meta(gt=0.0, le=1e9)] = 1.0
-    default_radius: Length | None = None
-    up_axis: Literal["y", "z"] = "z"
-
-
 class Render(Table, frozen=True, kw_only=True):
     """Samples and samplers.
 
@@ -152,6 +78,48 @@ class Render(Table, frozen=True, kw_only=True):
         samplers.find(self.sampling)
 
 
+@dataclass(frozen=True)
+class Kinds:
+    """What a table of the scene may be, told apart by one of its keys.
+
+    Attributes
+    ----------
+    tag : str               that key
+    tables : callable       its values and the types of their tables, asked for at every reading, so
+                            that what was registered since then is known
+    default : str or None   value of the key where it is left out; None: it must be given
+    """
+
+    tag: str
+    tables: Callable[[], Mapping[str, type[Table]]]
+    default: str | None = None
+
+    def name_in(self, table: object) -> Any:
+        """What the values of a table say that it is; None if nothing."""
+        return table.get(self.tag, self.default) if isinstance(table, dict) else None
+
+    def type_of(self, table: object) -> type[Table] | None:
+        """The type of the table with these values; None if they say nothing that is known."""
+        name = self.name_in(table)
+        return self.tables().get(name) if isinstance(name, str) else None
+
+
+def _fibres() -> Mapping[str, type[Table]]:
+    return {"double-cylinder": FibreTable}
+
+
+def _environments() -> Mapping[str, type[Table]]:
+    known = (ConstantEnvironment, SkyEnvironment, ImageEnvironment)
+    return {str(table.__struct_config__.tag): table for table in known}
+
+
+KINDS = {
+    "fibre": Kinds("model", _fibres, "double-cylinder"),
+    "environment": Kinds("kind", _environments),
+    "curves": Kinds("generator", groom_kinds.tables, "file"),
+}
+
+
 class Scene(Table, frozen=True, kw_only=True):
     """A whole scene. File names in it are absolute once `furcl.load_scene` has read it."""
 
@@ -159,10 +127,14 @@ class Scene(Table, frozen=True, kw_only=True):
     camera: Camera = Camera()
     film: Film = Film()
     fibre: FibreTable
-    environment: ConstantEnvironment | SkyEnvironment | ImageEnvironment
-    curves: FileCurves | HairCurves | FurCurves | FibreCurves
+    environment: Table
+    curves: CurvesTable
     body: Body | None = None
     render: Render = Render()
+
+    def __repr__(self) -> str:
+        kinds = (getattr(self, name).__struct_config__.tag for name in KINDS)
+        return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def build_fibre(self) -> Fibre:
         """The fibre of the scene; raises FibreError on values outside their ranges."""
@@ -175,18 +147,7 @@ class Scene(Table, frozen=True, kw_only=True):
         ------
         GroomError      if the file cannot be used, or the generator refuses its parameters
         """
-        table = self.curves
-        if not isinstance(table, FileCurves):
-            return build_generated(table)
-        from furcl.groom.formats import load_curves
-
-        curves = load_curves(table.file, table.default_radius, table.radius_scale)
-        if table.up_axis == "z":
-            return curves
-        points = curves.points[:, [0, 2, 1]]
-        points[:, 1] *= -1.0
-        points.flags.writeable = False
-        return dataclasses.replace(curves, points=points)
+        return self.curves.build()
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""

@@ -1,0 +1,72 @@
+"""The table of a double-cylinder fibre in a scene."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from msgspec import Meta
+
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
+from furcl.table import Rgb, Table
+
+
+class Melanin(Table, frozen=True, kw_only=True):
+    """Concentrations of the pigments of hair, 0..100 (0.3 blond, 1.3 brown, 8 black)."""
+
+    eumelanin: Annotated[float, Meta(ge=0.0, le=100.0, examples=[1.3])] = 0.0
+    pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+
+
+class FibreTable(Table, frozen=True, kw_only=True, tag_field="model", tag="double-cylinder"):
+    """A preset, parameters that replace its own, and the colour in at most one of three ways.
+
+    Without a preset exactly one of sigma_ca, colour and melanin is required and the other
+    parameters default to those of `furcl.Fibre`, which also states the ranges.
+    """
+
+    preset: Annotated[str | None, Meta(examples=["human-black"])] = None
+    eta: float | None = None
+    kappa: float | None = None
+    alpha_deg: float | None = None
+    beta_m_deg: float | None = None
+    beta_n_deg: float | None = None
+    sigma_ca: Rgb | None = None
+    sigma_ms: float | None = None
+    sigma_ma: Rgb | None = None
+    g: float | None = None
+    layers: float | None = None
+    colour: tuple[float, float, float] | None = None
+    melanin: Melanin | None = None
+
+    def __post_init__(self) -> None:
+        ways = [k for k in ("sigma_ca", "colour", "melanin") if getattr(self, k) is not None]
+        if len(ways) > 1:
+            raise ValueError(f"the colour is given by {' and '.join(ways)}; keep one of them")
+        if not ways and self.preset is None:
+            raise ValueError(
+                "there is neither a preset nor a colour; give preset, sigma_ca, colour or melanin"
+            )
+
+    def build(self) -> Fibre:
+        """The fibre that the table describes.
+
+        Raises
+        ------
+        FibreError      unknown preset, or a value outside its range
+        """
+        changes: dict[str, Any] = {
+            name: getattr(self, name)
+            for name in self.__struct_fields__
+            if name not in ("preset", "colour", "melanin") and getattr(self, name) is not None
+        }
+        if self.preset is not None:
+            fibre = Fibre.preset(self.preset, **changes)
+        else:
+            fibre = Fibre(**changes)
+        if self.melanin is not None:
+            sigma_ca = sigma_ca_from_melanin(self.melanin.eumelanin, self.melanin.pheomelanin)
+            return fibre.replace(sigma_ca=sigma_ca)
+        if self.colour is not None:
+            return fibre.replace(sigma_ca=sigma_ca_from_colour(self.colour, fibre.beta_n_deg))
+        return fibre
