@@ -21,6 +21,7 @@ from furcl.groom.formats import load_curves, save_curves
 from furcl.image.image import Image
 from furcl.paths import scene_folder
 from furcl.render import renderer
+from furcl.settings import switched_on
 
 FIBRE_SCENE = """
 [fibre]
@@ -181,10 +182,22 @@ def test_bad_input_is_one_message(
     assert "Traceback" not in message
 
 
-def test_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FURCL_DEBUG", "1")
-    with pytest.raises(GroomError):
+@pytest.mark.parametrize(
+    ("name", "value", "shown"),
+    [
+        ("FURCL_TRACEBACK", "1", True),
+        ("FURCL_TRACEBACK", "0", False),
+        ("FURCL_TRACEBACK", "", False),
+        ("FURCL_DEBUG", "1", False),
+    ],
+)
+def test_tracebacks_have_a_switch_of_their_own(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str, shown: bool
+) -> None:
+    monkeypatch.setenv(name, value)
+    with pytest.raises(GroomError if shown else SystemExit):
         main(["info", "none.npz"])
+    assert switched_on(name) == (value == "1")
 
 
 def test_no_device_ends_with_three(

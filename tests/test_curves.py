@@ -44,6 +44,28 @@ def test_scalar_radius_and_other_number_types():
     np.testing.assert_array_equal(curves.points, points)
 
 
+@pytest.mark.parametrize("scalar", [True, False])
+@pytest.mark.parametrize("coloured", [True, False])
+def test_strands_of_equally_many_points(rng, scalar, coloured):
+    points = rng.normal(size=(4, 3, 3))
+    radii = 0.25 if scalar else rng.uniform(0.1, 0.2, (4, 3))
+    colours = rng.uniform(size=(4, 3, 3)) if coloured else None
+    curves = Curves.from_arrays(points, radii, colours=colours)
+    np.testing.assert_array_equal(curves.points, points.reshape(12, 3).astype(np.float32))
+    np.testing.assert_array_equal(curves.radii, np.float32(np.broadcast_to(radii, (4, 3)).ravel()))
+    assert curves.offsets.tolist() == [0, 3, 6, 9, 12]
+    assert (curves.colours is None) == (colours is None)
+    if colours is not None:
+        np.testing.assert_array_equal(curves.colours, np.float32(colours.reshape(12, 3)))
+
+
+def test_repr_is_a_short_line():
+    curves = Curves.from_arrays(*three_strands())
+    assert repr(curves) == "Curves(3 strands, 9 points, radii 0.1 to 0.9)"
+    curves = Curves.from_arrays(np.tile(np.eye(3)[:2], (100_000, 1, 1)), 0.1)
+    assert repr(curves) == "Curves(100000 strands, 200000 points, radii 0.1 to 0.1)"
+
+
 def test_segment_vertices():
     curves = Curves.from_arrays(*three_strands())
     assert curves.segment_vertices().tolist() == [0, 1, 3, 5, 6, 7]
@@ -134,6 +156,31 @@ REFUSED = {
     "real offsets": (changed(offsets=[0.0, 9.0]), "offsets has .* float64; expected .* integers"),
     "huge offset": (changed(offsets=np.array([0, 2**64 - 1], np.uint64)), "18446744073709551615"),
     "flat points": (changed(points=np.zeros(27)), r"points has shape \(27,\); expected \(N, 3\)"),
+    "no offsets of strands": (
+        {"points": np.ones((4, 3)), "radii": 1.0},
+        r"no offsets, and points of shape \(4, 3\).*Give offsets, or points \(S, K, 3\)",
+    ),
+    "flat strands": (
+        {"points": np.ones((4, 3, 2)), "radii": 1.0},
+        r"no offsets, and points of shape \(4, 3, 2\)",
+    ),
+    "strands and offsets": (
+        {"points": np.ones((4, 3, 3)), "radii": 1.0, "offsets": [0, 3, 6, 9, 12]},
+        r"points has shape \(4, 3, 3\); expected .* or \(S, K, 3\) without offsets",
+    ),
+    "radii of strands": (
+        {"points": np.ones((4, 3, 3)), "radii": np.ones(12)},
+        r"radii has shape \(12,\); expected \(4, 3\)",
+    ),
+    "colours of strands": (
+        {"points": np.ones((4, 3, 3)), "radii": 1.0, "colours": np.ones((4, 3))},
+        r"colours has shape \(4, 3\); expected \(4, 3, 3\)",
+    ),
+    "no strands of points": ({"points": np.ones((0, 3, 3)), "radii": 1.0}, "empty"),
+    "strands of one point": (
+        {"points": np.ones((4, 1, 3)), "radii": 1.0},
+        "strand 0 has 1 point; .*at least 2",
+    ),
     "text points": (changed(points=[["a", "b", "c"]] * 9), "points has type <U1; .*real numbers"),
     "radii a strand": (changed(radii=[1, 1, 1]), r"radii has shape \(3,\); expected \(9,\)"),
     "colour shape": (changed(colours=np.zeros((3, 3))), r"colours has shape \(3, 3\)"),

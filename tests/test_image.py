@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +88,11 @@ def test_png_is_srgb_at_the_exposure(stops):
         assert abs(int(byte) - 255.0 * curve) <= 0.501
 
 
+def test_repr_is_a_short_line(picture):
+    assert repr(picture) == "Image(20 x 12, 16 spp, with variance)"
+    assert repr(Image(picture.rgb, None, {"scene": "fox"})) == "Image(20 x 12, 'fox')"
+
+
 def test_notebook_shows_the_png(picture):
     assert picture._repr_png_() == picture.png_bytes()
     assert picture.png_bytes().startswith(b"\x89PNG")
@@ -118,7 +125,7 @@ def exr_bytes(tmp_path, channels) -> bytes:
         (b"", "does not start as an OpenEXR file does"),
         (b"\x89PNG....", "does not start as an OpenEXR file does"),
         (b"\x76\x2f\x31\x01", "damaged or unsupported OpenEXR file"),
-        ("half", "damaged or unsupported OpenEXR file"),
+        ("half", "damaged OpenEXR file: it ends within the 16 rows from row 16; copy or render"),
         ("channels", r"has the channels A, X; R, G and B \(or Y\) are needed"),
     ],
 )
@@ -134,6 +141,77 @@ def test_bad_exr_files(tmp_path, content, message):
         path.write_bytes(content)
     with pytest.raises(ImageError, match=rf"bad\.exr: {message}"):
         Image.load(path)
+
+
+def damaged(whole: bytes, how: str) -> bytes:
+    """A file of which a part is missing or wrong."""
+    at = 8
+    while whole[at]:  # the table of chunks begins after the attributes
+        at = whole.index(b"\0", whole.index(b"\0", at) + 1) + 1
+        at += 4 + int.from_bytes(whole[at : at + 4], "little")
+    at += 1
+    first = int.from_bytes(whole[at : at + 8], "little")
+    return {
+        "header": whole[: at // 2],
+        "table": whole[: at + 4],
+        "unwritten": whole[: at + 8] + bytes(8) + whole[at + 16 :],
+        "row": whole[:first] + b"\x07" + whole[first + 1 :],
+        "rows": whole[: first + 20],
+        "last byte": whole[:-1],
+    }[how]
+
+
+@pytest.mark.parametrize("compression", ["NO", "ZIP", "PIZ", "DWAB"])
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("header", "damaged or unsupported OpenEXR file"),
+        ("table", "it ends before its pixels"),
+        ("unwritten", r"row \d+ was never written"),
+        ("row", "there is something else where row 0 should be"),
+        ("rows", r"it ends within the \d+ rows from row 0|it ends before row 1"),
+        ("last byte", r"it ends within the \d+ rows from row \d+"),
+    ],
+)
+def test_cut_off_exr_files_are_told_without_a_word_of_the_library(
+    tmp_path, capfd, compression, how, message
+):
+    import OpenEXR
+
+    path = tmp_path / "a.exr"
+    header = {"compression": getattr(OpenEXR, f"{compression}_COMPRESSION")}
+    ramp = np.random.default_rng(1).random((300, 8)).astype(np.float32)
+    with OpenEXR.File(header, dict.fromkeys("RGB", ramp)) as file:
+        file.write(str(path))
+    assert Image.load(path).rgb.shape == (300, 8, 3)
+    path.write_bytes(damaged(path.read_bytes(), how))
+    with pytest.raises(ImageError, match=message):
+        Image.load(path)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("how", ["cut off", "pixels"])
+def test_what_other_threads_write_is_not_lost(tmp_path, capfd, how):
+    """While a damaged file is read; with "pixels" it is the library that finds it damaged."""
+    import OpenEXR
+
+    path = tmp_path / "a.exr"
+    waves = np.sin(np.arange(64.0 * 64.0).reshape(64, 64)).astype(np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION}
+    with OpenEXR.File(header, dict.fromkeys("RGB", waves)) as file:
+        file.write(str(path))
+    whole = path.read_bytes()
+    broken = whole[:-300] + b"\xff" * 300
+    path.write_bytes(broken if how == "pixels" else whole[:-1])
+
+    lines = [f"line {i}" for i in range(3000)]
+    with ThreadPoolExecutor(1) as beside:
+        writing = beside.submit(lambda: [os.write(2, f"{line}\n".encode()) for line in lines])
+        while not writing.done():
+            with pytest.raises(ImageError, match="damaged"):
+                Image.load(path)
+    written = capfd.readouterr().err.splitlines()
+    assert [line for line in written if line.startswith("line ")] == lines
 
 
 @pytest.mark.parametrize(

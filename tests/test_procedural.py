@@ -14,22 +14,17 @@ from furcl.groom.grow import fur, hair
 DEFAULTS: dict[str, dict[str, Any]] = {
     name: function.__kwdefaults__ or {} for name, function in grow.GENERATORS.items()
 }
-RANGES = {
-    "hair": grow.HAIR_RANGES,
-    "fur": grow.FUR_RANGES,
-    "fibre": grow.FIBRE_RANGES,
-}
 SMALL = {"hair": {"n_strands": 300}, "fur": {"n_strands": 300, "n_clumps": 20}, "fibre": {}}
 WHOLE_SCALP = ("hairline_front_deg", "hairline_side_deg", "hairline_back_deg")
-TABLE = [(g, p) for g, ranges in RANGES.items() for p in ranges]
+TABLE = [(g, p) for g, ranges in grow.RANGES.items() for p in ranges]
 
 
-@pytest.mark.parametrize("generator", RANGES)
+@pytest.mark.parametrize("generator", grow.RANGES)
 def test_ranges_cover_all_parameters_and_hold_the_defaults(generator):
     defaults = DEFAULTS[generator]
-    assert set(RANGES[generator]) == set(defaults)
+    assert set(grow.RANGES[generator]) == set(defaults)
     for name, value in defaults.items():
-        allowed = RANGES[generator][name]
+        allowed = grow.RANGES[generator][name]
         if isinstance(value, str):
             assert value in allowed
         elif value is not None:
@@ -47,7 +42,7 @@ def outside(name, allowed, default):
 @pytest.mark.parametrize(("generator", "name"), TABLE)
 def test_values_outside_a_range_are_refused(generator, name):
     function = grow.GENERATORS[generator]
-    for value in outside(name, RANGES[generator][name], DEFAULTS[generator][name]):
+    for value in outside(name, grow.RANGES[generator][name], DEFAULTS[generator][name]):
         with pytest.raises(GroomError, match=f"^{generator}: {name} = "):
             function(**{**SMALL[generator], name: value})
 

@@ -16,11 +16,10 @@ from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
 from furcl.groom import grow
 from furcl.groom.curves import Curves
 from furcl.groom.formats import save_curves
-from furcl.light.constant import ConstantEnvironment
 from furcl.scene import camera as camera_module
 from furcl.scene.camera import Camera
-from furcl.scene.read import apply_overrides, decode_scene, load_scene, with_overrides
-from furcl.scene.tables import Film, Scene
+from furcl.scene.read import decode_scene, find_scene, load_scene
+from furcl.scene.tables import Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
 NAMES = sorted(path.stem for path in SCENES.glob("*.toml") if path.stem != "groom")
@@ -115,48 +114,29 @@ def test_groom_scene_renders_any_file(groom_file, monkeypatch):
     assert scene.resolved_camera(curves).origin is not None
 
 
+def test_scenes_that_come_with_furcl_are_found_by_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert load_scene("black_hair", spp=1) == load_scene(SCENES / "black_hair.toml", spp=1)
+    assert find_scene("black_hair.toml") == SCENES / "black_hair.toml"
+    assert find_scene("extreme/opaque") == Path("extreme/opaque")  # a path is a path
+    (tmp_path / "black_hair").write_text(MINIMAL)  # a file of that name is preferred
+    assert load_scene("black_hair").curves.__struct_config__.tag == "fibre"
+    with pytest.raises(SceneError, match="did you mean white_hair, which comes with furcl"):
+        load_scene("white_hare")
+    with pytest.raises(SceneError, match="check the path, or give one of furcl's: black_hair, "):
+        load_scene("some/scene.toml")
+
+
+def test_repr_is_a_short_line():
+    scene = load_scene(SCENES / "red_fox.toml")
+    assert repr(scene) == "Scene('red_fox', 512 x 512, double-cylinder, sky, fur)"
+
+
 def test_defaults(scene_file):
     scene = load_scene(scene_file)
     assert scene.name == "tiny"
     assert (scene.render.spp, scene.render.max_depth, scene.body) == (64, 1000, None)
     assert scene.film.support_px == 1.5
-
-
-def test_keywords_replace_values(scene_file):
-    scene = load_scene(scene_file, spp=3, seed=9, size="40x30", sampling="uniform-h", max_depth=7)
-    render = scene.render
-    assert (render.spp, render.seed, render.sampling, render.max_depth) == (3, 9, "uniform-h", 7)
-    assert (scene.film.width, scene.film.height) == (40, 30)
-    assert with_overrides(scene, size=(8, 4), spp=None).film == Film(width=8, height=4)
-    with pytest.raises(TypeError, match="unknown keyword 'samples'"):
-        load_scene(scene_file, samples=3)
-
-
-def test_overrides_take_toml_values_and_bare_words(scene_file):
-    scene = load_scene(
-        scene_file,
-        overrides=[
-            "render.spp=16",
-            "environment.radiance=[1, 2.5, 3]",
-            "film.filter=tent",
-            'name="quoted = name"',
-            "fibre.melanin.eumelanin=2",
-            "body.albedo=0.5",
-        ],
-    )
-    assert scene.render.spp == 16
-    assert scene.environment == ConstantEnvironment(radiance=(1.0, 2.5, 3.0))
-    assert scene.film.filter == "tent"
-    assert scene.name == "quoted = name"
-    assert scene.build_fibre().sigma_ca == sigma_ca_from_melanin(2.0)
-    assert scene.body is not None
-
-
-def test_overrides_leave_the_document_alone():
-    before = document()
-    after = apply_overrides(before, ["render.spp=2", "fibre.kappa=0.5"])
-    assert before == document()
-    assert after["render"] == {"spp": 2}
 
 
 def test_files_are_relative_to_the_scene_or_the_current_folder(groom_file, tmp_path, monkeypatch):
@@ -238,7 +218,8 @@ BAD = [
     ({"render": {"spp": 1.5}}, "render.spp = 1.5: expected `int`, got `float`"),
     ({"render": {"spp": True}}, "render.spp = True: expected `int`, got `bool`"),
     ({"render": {"sampling": "full-cfd"}}, "did you mean 'full-cdf'?"),
-    ({"render": 3}, "render = 3: expected `object`, got `int`"),
+    ({"render": 3}, "render = 3: expected a table, for example render.spp=64"),
+    ({"render": {"spp": {"a": 1}}}, "render.spp: expected `int`, got a table"),
     ({"film": {"filter": "sinc"}}, "film.filter = 'sinc': allowed are gaussian, tent, box"),
     ({"film": {"width": 0}}, "film.width = 0: expected `int` >= 1"),
     ({"film": {"filter_radius_px": 9}}, "film.filter_radius_px = 9: expected `float` <= 4.0"),
@@ -286,7 +267,18 @@ BAD = [
         {"fibre": {"sigma_ca": 1, "colour": [0.5, 0.5, 0.5]}},
         "fibre: the colour is given by sigma_ca and colour; keep one",
     ),
-    ({"fibre": None}, "fibre = None: expected `object`, got `null`"),
+    ({"fibre": None}, "fibre = None: expected a table, for example fibre.preset=human-black"),
+    (
+        {"curves": "a.hair"},
+        "curves = 'a.hair': expected a table, for example curves.file=groom.hair",
+    ),
+    (
+        {"environment": 1},
+        "environment = 1: expected a table, for example environment.kind=constant",
+    ),
+    ({"body": [1]}, "body = [1]: expected a table, for example body.albedo=0.05"),
+    ({"environment": {"kind": ["sky"]}}, "environment.kind = ['sky']: allowed are constant, sky"),
+    ({"melanin": 1}, "unknown key melanin. Known are name, camera, "),
 ]
 
 
@@ -325,30 +317,6 @@ def test_bad_files(tmp_path, content, message):
 def test_a_folder_is_no_scene(tmp_path):
     with pytest.raises(SceneError, match="cannot be read"):
         load_scene(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("render.spp", "expected KEY=VALUE with a dotted key"),
-        ("=3", "expected KEY=VALUE"),
-        ("render..spp=3", "expected KEY=VALUE"),
-        ("fibre.preset.x=3", "fibre.preset is a value, not a table"),
-        ("render.spp=many", "render.spp = 'many': expected `int`, got `str`"),
-        ("render.sp=3", "unknown key render.sp; did you mean render.spp?"),
-        ("curves.file=none.hair", "unknown key curves.file with generator = 'fibre'"),
-    ],
-)
-def test_bad_overrides(scene_file, override, message):
-    with pytest.raises(SceneError) as caught:
-        load_scene(scene_file, overrides=[override])
-    assert message in str(caught.value)
-
-
-@pytest.mark.parametrize("size", ["40", "40x", "axb", (1, 2, 3), "-1x4"])
-def test_bad_sizes(scene_file, size):
-    with pytest.raises(SceneError, match="expected WxH in pixels"):
-        load_scene(scene_file, size=size)
 
 
 def test_scenes_survive_a_round_trip(scene_file):

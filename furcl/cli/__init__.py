@@ -12,6 +12,7 @@ import typer
 from furcl.cli import bench, devices, files, render
 from furcl.cli.console import set_up_logging
 from furcl.errors import FurclError, NoDeviceError
+from furcl.settings import switched_on
 
 EXIT_ERROR = 2
 EXIT_NO_DEVICE = 3
@@ -23,7 +24,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     help="Render hair and fur with OpenCL.",
     epilog="Exit codes: 0 done, 2 bad input, 3 no usable OpenCL device, 130 interrupted. "
-    "FURCL_DEVICE chooses the device, FURCL_DEBUG=1 shows tracebacks.",
+    "FURCL_DEVICE chooses the device, FURCL_DEBUG=1 makes kernels check their indices, "
+    "FURCL_TRACEBACK=1 shows tracebacks.",
 )
 
 
@@ -47,12 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         app(arguments)
     except ModuleNotFoundError as error:
-        if os.environ.get("FURCL_DEBUG") or (error.name or "").startswith("furcl"):
+        if switched_on("FURCL_TRACEBACK") or (error.name or "").startswith("furcl"):
             raise
         print(f"furcl: {error}; install it: pip install 'furcl[report]'", file=sys.stderr)
         sys.exit(EXIT_ERROR)
     except FurclError as error:
-        if os.environ.get("FURCL_DEBUG"):
+        if switched_on("FURCL_TRACEBACK"):
             raise
         print(f"furcl: {error}", file=sys.stderr)
         sys.exit(EXIT_NO_DEVICE if isinstance(error, NoDeviceError) else EXIT_ERROR)

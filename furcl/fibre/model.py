@@ -19,10 +19,10 @@ import numpy as np
 
 from furcl.device.layout import Fields
 from furcl.errors import FibreError
+from furcl.table import Table
 
 if TYPE_CHECKING:
     from furcl.device.choice import Device
-    from furcl.table import Table
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,19 @@ class FibreFeatures(ABC):
         return {"FibreParams": self.model.struct}
 
 
+class ModelTable(Table, frozen=True, kw_only=True):
+    """Base of the tables [fibre] of scenes, tagged by `model`."""
+
+    def build(self) -> Any:
+        """The fibre that the table describes, parameters of the model's own class.
+
+        Raises
+        ------
+        FibreError      a value outside its range
+        """
+        raise NotImplementedError
+
+
 class FibreModel(ABC):
     """A scattering function of fibres.
 
@@ -140,8 +153,8 @@ class FibreModel(ABC):
 
     @property
     @abstractmethod
-    def table(self) -> type[Table]:
-        """Type of the table [fibre] in a scene; its `build()` returns the fibre."""
+    def table(self) -> type[ModelTable]:
+        """Type of the table [fibre] in a scene, tagged by the model's name."""
 
     @abstractmethod
     def features(self, fibre: Any, *, residual: bool = False) -> FibreFeatures:
@@ -207,7 +220,7 @@ def model_of(fibre: Any) -> FibreModel:
     return find(fibre.model)
 
 
-def tables() -> dict[str, type[Table]]:
+def tables() -> dict[str, type[ModelTable]]:
     """Name of every model -> type of its table in a scene."""
     return {name: find(name).table for name in names()}
 

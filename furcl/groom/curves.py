@@ -16,7 +16,7 @@ MIN_MAGNITUDE = 1e-18
 POINTS_AT_ONCE = 1 << 18  # more would be copied in float64 at a time
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Curves:
     """Strands with a radius per point, joined by straight segments.
 
@@ -36,6 +36,13 @@ class Curves:
     offsets: NDArray[np.int64]
     dropped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     colours: NDArray[np.float32] | None = None
+
+    def __repr__(self) -> str:
+        coloured = ", with colours" if self.colours is not None else ""
+        return (
+            f"Curves({self.n_strands} strands, {self.n_points} points, radii "
+            f"{self.radii.min():.4g} to {self.radii.max():.4g}{coloured})"
+        )
 
     @property
     def n_strands(self) -> int:
@@ -85,7 +92,7 @@ class Curves:
     def from_arrays(
         points: ArrayLike,
         radii: ArrayLike,
-        offsets: ArrayLike,
+        offsets: ArrayLike | None = None,
         *,
         source: str = "curves",
         colours: ArrayLike | None = None,
@@ -98,11 +105,12 @@ class Curves:
 
         Parameters
         ----------
-        points : (N, 3)              finite, magnitude at most 1e18
-        radii : (N,) or scalar       1e-18 .. 1e18
-        offsets : (S + 1,) integers  0 = offsets[0] <= ... <= offsets[S] = N
+        points : (N, 3)              finite, magnitude at most 1e18; or (S, K, 3): S strands of K
+        radii : (N,) or scalar       1e-18 .. 1e18; for strands of K points (S, K) or scalar
+        offsets : (S + 1,) integers  0 = offsets[0] <= ... <= offsets[S] = N; left out for strands
+                                     of K points
         source : str                 the name used in messages, a path for files
-        colours : (N, 3)             finite, or None
+        colours : (N, 3)             finite, or None; for strands of K points (S, K, 3)
         dropped : mapping            counts of things that the caller has already left out
 
         Raises
@@ -128,10 +136,18 @@ def _shaped(points, radii, offsets, colours, source):
     """Views of the inputs with the documented shapes and types."""
     points = _numbers(points, "points", source)
     radii = _numbers(radii, "radii", source)
+    if offsets is None and points.ndim == 3 and points.shape[2] == 3:
+        points, radii, offsets, colours = _flattened(points, radii, colours, source)
+    if offsets is None:
+        raise GroomError(
+            f"{source}: there are no offsets, and points of shape {points.shape} do not say where "
+            "strands begin. Give offsets, or points (S, K, 3) of S strands of K points."
+        )
     offsets = np.asarray(offsets)
     if points.ndim != 2 or points.shape[1] != 3:
         raise GroomError(
-            f"{source}: points has shape {points.shape}; expected (N, 3), one row x y z per point."
+            f"{source}: points has shape {points.shape}; expected (N, 3), one row x y z per point, "
+            "or (S, K, 3) without offsets."
         )
     n = len(points)
     if n > MAX_POINTS:
@@ -159,6 +175,20 @@ def _shaped(points, radii, offsets, colours, source):
         raise GroomError(f"{source}: an offset of {offsets.max()} points beyond the {n} points.")
     offsets = np.ascontiguousarray(offsets, dtype=np.int64).view()
     return _float32(points), radii, offsets, colours
+
+
+def _flattened(points, radii, colours, source):
+    """Strands of equally many points as flat arrays with offsets."""
+    shape = points.shape[:2]
+    colours = None if colours is None else np.asarray(colours)
+    for name, array, wanted in (("radii", radii, shape), ("colours", colours, (*shape, 3))):
+        if array is not None and array.ndim and array.shape != wanted:
+            raise GroomError(
+                f"{source}: {name} has shape {array.shape}; expected {wanted}, as the points have."
+            )
+    offsets = np.arange(shape[0] + 1, dtype=np.int64) * shape[1]
+    colours = None if colours is None else colours.reshape(-1, 3)
+    return points.reshape(-1, 3), radii.ravel() if radii.ndim else radii, offsets, colours
 
 
 def _numbers(values, name, source):

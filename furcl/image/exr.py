@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import ImageError
+from furcl.image.exr_chunks import MAGIC, missing_part
 
 # Rec.709 primaries and white point D65 as the attribute `chromaticities` wants them.
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -19,6 +18,9 @@ REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
     """Channels and header of the first part of an OpenEXR file.
+
+    Where compressed pixels are damaged, the OpenEXR library writes a line to standard error. It is
+    left there: keeping it away would redirect the standard error of all threads.
 
     Returns
     -------
@@ -35,10 +37,18 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
     path = Path(path)
     if not path.is_file():
         raise ImageError(f"{path}: there is no such file; check the path")
-    if path.read_bytes()[:4] != b"\x76\x2f\x31\x01":
-        raise ImageError(f"{path}: does not start as an OpenEXR file does; give an .exr file")
     try:
-        with _quiet(), OpenEXR.File(str(path), separate_channels=True) as file:
+        with path.open("rb") as file:
+            begins = file.read(len(MAGIC))
+        missing = missing_part(path) if begins == MAGIC else None
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
+    if begins != MAGIC:
+        raise ImageError(f"{path}: does not start as an OpenEXR file does; give an .exr file")
+    if missing:
+        raise ImageError(f"{path}: damaged OpenEXR file: {missing}; copy or render it again")
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
             header = dict(file.header())
             channels = {
                 name: np.asarray(channel.pixels, np.float32)
@@ -87,16 +97,3 @@ def write_exr(
             file.write(str(path))
     except Exception as error:
         raise ImageError(f"{path}: cannot be written: {error}; check folder and space") from None
-
-
-@contextlib.contextmanager
-def _quiet():
-    """Keep the library's lines on damaged files off the terminal; its exception repeats them."""
-    saved = os.dup(2)
-    try:
-        with Path(os.devnull).open("wb") as sink:
-            os.dup2(sink.fileno(), 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)

@@ -25,7 +25,7 @@ HEADER_KEYS = ("version", "git", "scene", "seed", "spp", "sampling", "device", "
 STATS_ATTRIBUTE = "furcl:stats"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Image:
     """A picture of linear Rec.709 radiance; shows itself in a notebook.
 
@@ -51,6 +51,16 @@ class Image:
                 f"variance has the shape {self.variance.shape}; expected that of rgb, "
                 f"{self.rgb.shape}"
             )
+
+    def __repr__(self) -> str:
+        facts = [f"{self.width} x {self.height}"]
+        if "scene" in self.stats:
+            facts.append(repr(self.stats["scene"]))
+        if "spp" in self.stats:
+            facts.append(f"{self.stats['spp']} spp")
+        if self.variance is not None:
+            facts.append("with variance")
+        return f"Image({', '.join(facts)})"
 
     @property
     def width(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 from furcl.device.features import Features
@@ -11,6 +10,7 @@ from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
 from furcl.fibre.model import model_of
 from furcl.light.model import Light
 from furcl.scene.tables import Scene
+from furcl.settings import switched_on
 from furcl.surface.ellipsoid import PART as ELLIPSOID
 
 
@@ -45,7 +45,7 @@ def scene_features(scene: Scene, fibre: Any, light: Light) -> Features:
         roulette=render.roulette_depth < render.max_depth,
         variance=render.variance,
         statistics=render.statistics,
-        debug=os.environ.get("FURCL_DEBUG", "0") not in ("", "0"),
+        debug=switched_on("FURCL_DEBUG"),
     )
 
 

@@ -7,33 +7,26 @@ messages.
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-import operator
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
-import msgspec
 import numpy as np
 from msgspec import Meta
 
+from furcl.device.layout import Filter
+from furcl.fibre import model as models
 from furcl.fibre import samplers
-from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.table import FibreTable
-from furcl.groom.generators import FibreCurves, FurCurves, HairCurves, build_generated
+from furcl.fibre.model import ModelTable
+from furcl.groom import kinds as groom_kinds
+from furcl.groom.curves import Curves
+from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
 from furcl.scene.camera import Camera
 from furcl.surface.ellipsoid import Body
-from furcl.table import Length, Table
+from furcl.table import Table
 
-if TYPE_CHECKING:
-    from furcl.groom.curves import Curves
-    from furcl.light.model import Light
-
-    EnvironmentTable = Table
-else:
-    EnvironmentTable = functools.reduce(operator.or_, [light.table for light in lights.BUILT_IN])
-
-FILTER_SUPPORT_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
+FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
 
 class Film(Table, frozen=True, kw_only=True):
@@ -46,7 +39,7 @@ class Film(Table, frozen=True, kw_only=True):
 
     width: Annotated[int, Meta(ge=1, le=16384)] = 512
     height: Annotated[int, Meta(ge=1, le=16384)] = 512
-    filter: Literal["gaussian", "tent", "box"] = "gaussian"
+    filter: Filter = "gaussian"
     filter_radius_px: Annotated[float, Meta(ge=0.5, le=4.0)] | None = None
     exposure_stops: Annotated[float, Meta(ge=-30.0, le=30.0)] = 0.0
 
@@ -61,19 +54,6 @@ class Film(Table, frozen=True, kw_only=True):
     def aspect(self) -> float:
         """Width over height."""
         return self.width / self.height
-
-
-class FileCurves(Table, frozen=True, kw_only=True, tag_field="generator", tag="file"):
-    """A groom file.
-
-    Radii are multiplied by `radius_scale`; `default_radius` stands in where the file has none.
-    `up_axis` = "y" turns a groom whose +y is up to stand along +z, facing -y if it faced +z.
-    """
-
-    file: str
-    radius_scale: Annotated[float, Meta(gt=0.0, le=1e9)] = 1.0
-    default_radius: Length | None = None
-    up_axis: Literal["y", "z"] = "z"
 
 
 class Render(Table, frozen=True, kw_only=True):
@@ -99,30 +79,58 @@ class Render(Table, frozen=True, kw_only=True):
         samplers.find(self.sampling)
 
 
+@dataclass(frozen=True)
+class Kinds:
+    """What a table of the scene may be, told apart by one of its keys.
+
+    Attributes
+    ----------
+    tag : str               that key
+    tables : callable       its values and the types of their tables, asked for at every reading, so
+                            that what was registered since then is known
+    default : str or None   value of the key where it is left out; None: it must be given
+    """
+
+    tag: str
+    tables: Callable[[], Mapping[str, type[Table]]]
+    default: str | None = None
+
+    def name_in(self, table: object) -> Any:
+        """What the values of a table say that it is; None if nothing."""
+        return table.get(self.tag, self.default) if isinstance(table, dict) else None
+
+    def type_of(self, table: object) -> type[Table] | None:
+        """The type of the table with these values; None if they say nothing that is known."""
+        name = self.name_in(table)
+        return self.tables().get(name) if isinstance(name, str) else None
+
+
+KINDS = {
+    "fibre": Kinds("model", models.tables, "double-cylinder"),
+    "environment": Kinds("kind", lights.tables),
+    "curves": Kinds("generator", groom_kinds.tables, "file"),
+}
+
+
 class Scene(Table, frozen=True, kw_only=True):
     """A whole scene. File names in it are absolute once `furcl.load_scene` has read it."""
 
     name: str = ""
     camera: Camera = Camera()
     film: Film = Film()
-    fibre: FibreTable
-    environment: EnvironmentTable
-    curves: FileCurves | HairCurves | FurCurves | FibreCurves
+    fibre: ModelTable
+    environment: Table
+    curves: CurvesTable
     body: Body | None = None
     render: Render = Render()
 
-    def build_fibre(self) -> Fibre:
-        """The fibre of the scene; raises FibreError on values outside their ranges."""
+    def __repr__(self) -> str:
+        kinds = (getattr(self, name).__struct_config__.tag for name in KINDS)
+        return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
+
+    def build_fibre(self) -> Any:
+        """The parameters of the fibre, of its model's own class; raises FibreError on values outside their ranges."""
         return self.fibre.build()
-
-    def build_light(self) -> Light:
-        """The light of the scene; images are read here.
-
-        Raises
-        ------
-        ImageError      if the image cannot be used
-        """
-        return lights.from_table(self.environment)
 
     def build_curves(self) -> Curves:
         """Read or grow the groom.
@@ -131,18 +139,7 @@ class Scene(Table, frozen=True, kw_only=True):
         ------
         GroomError      if the file cannot be used, or the generator refuses its parameters
         """
-        table = self.curves
-        if not isinstance(table, FileCurves):
-            return build_generated(table)
-        from furcl.groom.formats import load_curves
-
-        curves = load_curves(table.file, table.default_radius, table.radius_scale)
-        if table.up_axis == "z":
-            return curves
-        points = curves.points[:, [0, 2, 1]]
-        points[:, 1] *= -1.0
-        points.flags.writeable = False
-        return dataclasses.replace(curves, points=points)
+        return self.curves.build()
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""
@@ -151,19 +148,3 @@ class Scene(Table, frozen=True, kw_only=True):
             points = self.camera.outermost(points, self.film.aspect)
             points = np.concatenate([points, self.body.points()])
         return self.camera.resolved(points, self.film.aspect, radius)
-
-
-def scene_type() -> type[Scene]:
-    """The type to decode scenes with: Scene, its environment of any kind that is known by now."""
-    return _scene_type(tuple(lights.tables().values()))
-
-
-@functools.lru_cache(maxsize=4)
-def _scene_type(environments: tuple[type[Table], ...]) -> type[Scene]:
-    if environments == tuple(light.table for light in lights.BUILT_IN):
-        return Scene
-    environment = functools.reduce(operator.or_, environments)
-    extended = msgspec.defstruct(
-        "Scene", [("environment", environment)], bases=(Scene,), frozen=True, kw_only=True
-    )
-    return cast("type[Scene]", extended)

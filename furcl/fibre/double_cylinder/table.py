@@ -1,12 +1,13 @@
-"""The table [fibre] of a scene whose fibre is a double cylinder."""
+"""The table of a double-cylinder fibre in a scene."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from msgspec import Meta
 
 from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.model import ModelTable
 from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
 from furcl.table import Rgb, Table
 
@@ -14,19 +15,18 @@ from furcl.table import Rgb, Table
 class Melanin(Table, frozen=True, kw_only=True):
     """Concentrations of the pigments of hair, 0..100 (0.3 blond, 1.3 brown, 8 black)."""
 
-    eumelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    eumelanin: Annotated[float, Meta(ge=0.0, le=100.0, examples=[1.3])] = 0.0
     pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
 
 
-class FibreTable(Table, frozen=True, kw_only=True):
+class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="double-cylinder"):
     """A preset, parameters that replace its own, and the colour in at most one of three ways.
 
     Without a preset exactly one of sigma_ca, colour and melanin is required and the other
     parameters default to those of `furcl.Fibre`, which also states the ranges.
     """
 
-    model: Literal["double-cylinder"] = "double-cylinder"
-    preset: str | None = None
+    preset: Annotated[str | None, Meta(examples=["human-black"])] = None
     eta: float | None = None
     kappa: float | None = None
     alpha_deg: float | None = None
@@ -59,8 +59,7 @@ class FibreTable(Table, frozen=True, kw_only=True):
         changes: dict[str, Any] = {
             name: getattr(self, name)
             for name in self.__struct_fields__
-            if name not in ("model", "preset", "colour", "melanin")
-            and getattr(self, name) is not None
+            if name not in ("preset", "colour", "melanin") and getattr(self, name) is not None
         }
         if self.preset is not None:
             fibre = Fibre.preset(self.preset, **changes)

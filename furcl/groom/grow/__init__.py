@@ -10,14 +10,13 @@ from furcl.groom.grow.scalp_hair import hair
 from furcl.groom.grow.straight_fibre import fibre
 
 GENERATORS: dict[str, FunctionType] = {"hair": hair, "fur": fur, "fibre": fibre}
+RANGES = {"hair": HAIR_RANGES, "fur": FUR_RANGES, "fibre": FIBRE_RANGES}
 
 BODY_SHRINK = 0.995
 
 __all__ = [
-    "FIBRE_RANGES",
-    "FUR_RANGES",
     "GENERATORS",
-    "HAIR_RANGES",
+    "RANGES",
     "body_of",
     "fibre",
     "fur",

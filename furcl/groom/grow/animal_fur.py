@@ -142,8 +142,7 @@ def fur(
     widths = rng.uniform(1.0 - radius_variation, 1.0 + radius_variation, n_strands)
     widths = strands.float32(radius * widths * np.where(under, undercoat_radius, 1.0))
     radii = strands.tapered_radii(n_points, widths, tip_radius, power=1.5)
-    offsets = np.arange(n_strands + 1, dtype=np.int64) * n_points
-    return Curves.from_arrays(points.reshape(-1, 3), radii.ravel(), offsets, source="fur")
+    return Curves.from_arrays(points, radii, source="fur")
 
 
 @dataclass(frozen=True)

@@ -140,8 +140,7 @@ def hair(
         points[own] = block.transpose(2, 0, 1)
 
     radii = strands.tapered_radii(k, strands.float32(radius * widths), tip_radius, power=3.0)
-    offsets = np.arange(n_strands + 1, dtype=np.int64) * k
-    return Curves.from_arrays(points.reshape(-1, 3), radii.ravel(), offsets, source="hair")
+    return Curves.from_arrays(points, radii, source="hair")
 
 
 def _column(values) -> Block:

@@ -39,5 +39,4 @@ def fibre(
     points = np.tile(np.asarray(centre, dtype=np.float64), (count, n_points, 1))
     points[:, :, along] += length * np.linspace(-0.5, 0.5, n_points)
     points[:, :, (along + 1) % 3] += spacing * (np.arange(count) - (count - 1) / 2.0)[:, None]
-    offsets = np.arange(count + 1, dtype=np.int64) * n_points
-    return Curves.from_arrays(points.reshape(-1, 3), radius, offsets, source="fibre")
+    return Curves.from_arrays(points, radius, source="fibre")

@@ -1,0 +1,100 @@
+"""The tables of grooms in scenes: a file, and one for each generator of `furcl.groom.grow`.
+
+Those of generators are made from their signatures and ranges.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from furcl.groom import grow
+from furcl.groom.curves import Curves
+from furcl.table import Length, Table
+
+
+class CurvesTable(Table, frozen=True, kw_only=True, tag_field="generator"):
+    """Base of the tables of grooms; a subclass says its generator as `tag`."""
+
+    def build(self) -> Curves:
+        """Read or grow the groom.
+
+        Raises
+        ------
+        GroomError      if the file cannot be used, or the generator refuses its parameters
+        """
+        raise NotImplementedError
+
+
+class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
+    """A groom file.
+
+    Radii are multiplied by `radius_scale`; `default_radius` stands in where the file has none.
+    `up_axis` = "y" turns a groom whose +y is up to stand along +z, facing -y if it faced +z.
+    """
+
+    file: Annotated[str, Meta(examples=["groom.hair"])]
+    radius_scale: Annotated[float, Meta(gt=0.0, le=1e9)] = 1.0
+    default_radius: Length | None = None
+    up_axis: Literal["y", "z"] = "z"
+
+    def build(self) -> Curves:
+        from furcl.groom.formats import load_curves
+
+        curves = load_curves(self.file, self.default_radius, self.radius_scale)
+        if self.up_axis == "z":
+            return curves
+        points = curves.points[:, [0, 2, 1]]
+        points[:, 1] *= -1.0
+        points.flags.writeable = False
+        return dataclasses.replace(curves, points=points)
+
+
+class _Grown(CurvesTable, frozen=True, kw_only=True):
+    """A groom of a generator of furcl's; its fields are the generator's parameters."""
+
+    def build(self) -> Curves:
+        generator = grow.GENERATORS[str(self.__struct_config__.tag)]
+        return generator(**{name: getattr(self, name) for name in self.__struct_fields__})
+
+
+def _field_type(allowed: tuple[Any, ...], default: Any) -> Any:
+    """The type of a parameter: a choice of words, or whole or real numbers within a range."""
+    if isinstance(allowed[0], str):
+        kind: Any = Literal[*allowed]
+    else:
+        number = int if isinstance(allowed[0], int) else float
+        kind = Annotated[number, Meta(ge=allowed[0], le=allowed[1])]
+    if isinstance(default, tuple):
+        kind = tuple[*[kind] * len(default)]
+    return kind | None if default is None else kind
+
+
+def _grown(generator: str) -> Any:
+    parameters = inspect.signature(grow.GENERATORS[generator]).parameters
+    ranges = grow.RANGES[generator]
+    fields = [
+        (name, _field_type(ranges[name], parameter.default), parameter.default)
+        for name, parameter in parameters.items()
+    ]
+    table = msgspec.defstruct(
+        f"{generator.capitalize()}Curves",
+        fields,
+        bases=(_Grown,),
+        frozen=True,
+        kw_only=True,
+        tag=generator,
+        module=__name__,
+    )
+    globals()[table.__name__] = table  # where pickle looks for it
+    return table
+
+
+BUILT_IN: dict[str, type[CurvesTable]] = {
+    "file": FileCurves,
+    **{generator: _grown(generator) for generator in grow.GENERATORS},
+}

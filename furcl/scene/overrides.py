@@ -1,0 +1,126 @@
+"""Values of a scene document that are replaced from outside: `--set` and keywords."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from furcl.errors import SceneError
+from furcl.scene.schema import Keys, files_in, is_text, type_at
+from furcl.scene.tables import KINDS
+
+Document = dict[str, Any]
+
+_KEYWORDS = {
+    "spp": "render.spp",
+    "seed": "render.seed",
+    "sampling": "render.sampling",
+    "max_depth": "render.max_depth",
+}
+
+
+def keyword_overrides(keywords: dict[str, Any]) -> list[str]:
+    """Overrides for the keywords of `furcl.load_scene`; those that are None change nothing.
+
+    Raises
+    ------
+    TypeError       another keyword
+    SceneError      a size that is none
+    """
+    changes = []
+    for name, value in keywords.items():
+        if name != "size" and name not in _KEYWORDS:
+            raise TypeError(f"unknown keyword {name!r}; allowed are size, {', '.join(_KEYWORDS)}")
+        if value is None:
+            continue
+        if name != "size":
+            changes.append(f"{_KEYWORDS[name]}={value}")
+            continue
+        size = value.lower().split("x") if isinstance(value, str) else list(value)
+        if len(size) != 2 or not all(str(n).strip().isdigit() for n in size):
+            raise SceneError(f"size = {value!r}: expected WxH in pixels, for example 640x480")
+        changes += [f"film.width={size[0]}", f"film.height={size[1]}"]
+    return changes
+
+
+def apply_overrides(document: Document, overrides: Iterable[str]) -> Document:
+    """A copy of a scene document with values replaced.
+
+    An override that changes the kind of a table (`environment.kind`, `curves.generator`,
+    `fibre.model`) takes the table's other keys away, since they belong to the former kind; those
+    that overrides of the same call give are kept, whether they stand before or after it.
+
+    Parameters
+    ----------
+    document : dict             tables as `tomllib` gives them
+    overrides : list of str     "dotted.key=VALUE". Where text is expected VALUE is that text, with
+                                quotes or without; elsewhere it is a TOML value. Relative files are
+                                sought in the current directory.
+
+    Raises
+    ------
+    SceneError      if one has no "=", or goes through a value that is no table
+    """
+    changes = [_split(override) for override in overrides]
+    document = copy.deepcopy(document)
+    for name, kinds in KINDS.items():
+        wanted = [_text(text) for keys, text, _ in changes if keys == (name, kinds.tag)]
+        if wanted and kinds.name_in(document.get(name, {})) != wanted[-1]:
+            document[name] = {kinds.tag: wanted[-1]}
+    for keys, text, override in changes:
+        hint = type_at(document, keys)
+        value = {keys[-1]: _text(text) if is_text(hint) else _toml_value(text)}
+        absolute_files(value, Path())
+        _table_for(document, keys, override).update(value)
+    return document
+
+
+def absolute_files(document: Document, folder: Path) -> None:
+    """Make the names of files in a document absolute; they are relative to a folder."""
+    for keys, table in files_in(document):
+        table[keys[-1]] = str((folder / table[keys[-1]]).absolute())
+
+
+def _split(override: str) -> tuple[Keys, str, str]:
+    """Keys and value of an override, and the override for messages."""
+    dotted, equals, text = override.partition("=")
+    keys = tuple(key.strip() for key in dotted.split("."))
+    if not equals or not all(keys):
+        raise SceneError(
+            f"override {override!r}: expected KEY=VALUE with a dotted key, "
+            f"for example render.spp=16 or curves.file=groom.hair"
+        )
+    return keys, text, override
+
+
+def _table_for(document: Document, keys: Keys, override: str) -> Document:
+    """The table that is to hold the last key; those on the way are made where they are missing."""
+    table = document
+    for depth, key in enumerate(keys[:-1], 1):
+        if table.get(key) is None:
+            table[key] = {}
+        table = table[key]
+        if not isinstance(table, dict):
+            raise SceneError(
+                f"override {override!r}: {'.'.join(keys[:depth])} is a value, not a table; "
+                f"set it without a further key"
+            )
+    return table
+
+
+def _text(text: str) -> str:
+    """What an override gives where text is expected: quotes may be there or not."""
+    value = _toml_value(text)
+    return value if isinstance(value, str) else text
+
+
+def _toml_value(text: str) -> Any:
+    """A TOML value; text that is none is a string."""
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return parsed["value"] if len(parsed) == 1 else text

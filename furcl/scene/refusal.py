@@ -1,0 +1,115 @@
+"""What is wrong with a scene document, in words: which key, what was found, what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import Any, NoReturn
+
+import msgspec
+
+from furcl.errors import SceneError
+from furcl.scene.schema import allows_none, choices, example, fields, table_type, type_at
+from furcl.scene.tables import KINDS, Kinds, Scene
+
+
+def check_tables(document: object, source: str) -> None:
+    """Refuse what is no table where one is expected, unknown kinds and unknown keys.
+
+    Raises
+    ------
+    SceneError      names the key, and the nearest known one
+    """
+    _check_table(document, Scene, "", source)
+
+
+def _check_table(table: Any, struct: type[msgspec.Struct], where: str, source: str) -> None:
+    types = fields(struct)
+    for key, value in table.items():
+        if key not in types:
+            _refuse_key(key, struct, where, source)
+        kinds = KINDS.get(key) if struct is Scene else None
+        inner = table_type(kinds, types[key], value)
+        if isinstance(value, dict) and inner:
+            _check_table(value, inner, f"{where}{key}.", source)
+        elif isinstance(value, dict) and kinds:
+            _refuse_kind(key, kinds, value, source)
+        elif (inner or kinds) and not (value is None and allows_none(types[key])):
+            shown = _example(f"{where}{key}", kinds, inner)
+            raise SceneError(
+                f"{source}: {where}{key} = {value!r}: expected a table, for example {shown}"
+            )
+
+
+def _refuse_key(key: str, struct: type[msgspec.Struct], where: str, source: str) -> NoReturn:
+    known, config = fields(struct), struct.__struct_config__
+    kind = f" with {config.tag_field} = {config.tag!r}" if config.tag_field else ""
+    near = difflib.get_close_matches(key, known, 1, 0.6)
+    kinds = KINDS.get(where.removesuffix("."))
+    others = kinds.tables().items() if kinds else ()
+    owners = [repr(name) for name, table in others if key in fields(table)]
+    if owners:
+        remedy = f"; {config.tag_field} = {' or '.join(owners)} has it."
+    else:
+        remedy = f"; did you mean {where}{near[0]}?" if near else "."
+    raise SceneError(
+        f"{source}: unknown key {where}{key}{kind}{remedy} Known are {', '.join(known)}."
+    )
+
+
+def _refuse_kind(name: str, kinds: Kinds, table: Any, source: str) -> NoReturn:
+    if kinds.tag not in table:
+        refuse_missing(f"{name}.{kinds.tag}", source)
+    found = table[kinds.tag]
+    raise SceneError(
+        f"{source}: {name}.{kinds.tag} = {found!r}: {_allowed(found, tuple(kinds.tables()))}"
+    )
+
+
+def _example(where: str, kinds: Kinds | None, struct: type[msgspec.Struct] | None) -> str:
+    """A key of a table with a value."""
+    if kinds and kinds.default is None:
+        return f"{where}.{kinds.tag}={next(iter(kinds.tables()))}"
+    struct = kinds.type_of({}) if kinds else struct
+    return where if struct is None else f"{where}.{example(struct)}"
+
+
+def refuse_missing(where: str, source: str) -> NoReturn:
+    """Refuse a document in which a key is missing."""
+    raise SceneError(
+        f"{source}: {where} is missing; add it to the file or give --set {where}=VALUE"
+    )
+
+
+def refuse_value(message: str, document: dict[str, Any], name: str, source: str) -> NoReturn:
+    """Refuse a value of the table or value `name`, by what msgspec says of it.
+
+    Its message ends with the path inside that table.
+    """
+    what, _, path = message.partition(" - at `$")
+    keys, where = [name], name
+    value: Any = document[name]
+    for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
+        where += f"[{index}]" if index else f".{key}"
+        if index:
+            value = value[int(index)]
+        else:
+            keys.append(key)
+            value = value.get(key) if isinstance(value, dict) else None
+    missing = re.search(r"missing required field `(\w+)`", what)
+    if missing:
+        refuse_missing(f"{where}.{missing[1]}", source)
+    if re.match(r"\w+ = ", what):  # a table's own check, which names its key
+        raise SceneError(f"{source}: {where}.{what}")
+    words = choices(type_at(document, tuple(keys)))
+    if words:
+        what = _allowed(value, words)
+    elif what.startswith("Expected"):
+        what = "e" + what[1:].replace("`object`", "a table")
+    shown = "" if isinstance(value, dict) else f" = {value!r}"
+    raise SceneError(f"{source}: {where}{shown}: {what}")
+
+
+def _allowed(found: Any, words: tuple[str, ...]) -> str:
+    near = difflib.get_close_matches(str(found), words, 1, 0.5)
+    return f"allowed are {', '.join(words)}" + (f"; did you mean {near[0]!r}?" if near else "")
