@@ -26,21 +26,31 @@ from furcl.fibre.material import build_material, fibre_features
 
 @pytest.mark.parametrize("name", FIBRES)
 def test_joint_density_is_that_of_the_reference(device, name):
+    """A_p over its sum, by the float64 reference; mutants: the next bin, the next row of theta.
+
+    Distances are integrals over lobes and offsets, of densities whose integral is 1. Measured: 0.3
+    to 1.9 % in the worst row, 0.04 to 0.22 % in the mean of the rows; next bin at least 1.9 %, next
+    row 2.6 %. Lifted bins and the device's 16 points of a bin are what differs.
+    """
     fibre = FIBRES[name]
     material = build_material(Memory(device), fibre, fibre_features(fibre, sampling="full-cdf"))
     means = bcsdf.attenuation_tables(fibre, material.profiles)
-    expected = tables_from_bins(means).joint
+    albedo = means.mean(axis=2).sum(axis=1)
+    expected = means / (2.0 * albedo[:, None, None])
     tables = material.tables
     assert tables is not None
-    # The device's 16-point rule in a bin: measured within 0.4 % of the lobe's mean; at the edge of
-    # the medulla the scattered lobes begin inside a bin. Bins with a peak may be chosen more often.
-    found = tables.joint * (tables.energy / means.mean(2).sum(1))[:, None, None]
-    error = found - expected
-    allowed = 0.02 * (expected + expected.mean(axis=2, keepdims=True)) + 1e-30
-    assert np.all(error > -allowed)
-    assert np.mean(error < allowed + SMALLEST_SHARE) > 0.9  # measured 0.944
-    # What that adds: measured at most 0.4 % of the energy.
-    np.testing.assert_allclose(tables.energy, means.mean(2).sum(1), rtol=0.01)
+    distance = _distances(tables.joint, expected)
+    assert distance.max() < 0.03
+    assert distance.mean() < 0.004
+    assert _distances(tables.joint, np.roll(expected, 1, axis=2)).mean() > 0.01
+    assert _distances(tables.joint[1:], expected[:-1]).mean() > 0.01
+    # What lifted bins add: measured at most 0.4 % of the energy.
+    np.testing.assert_allclose(tables.energy, albedo, rtol=0.01)
+
+
+def _distances(joint, expected):
+    """Integral of the difference of two densities, for each row."""
+    return np.abs(joint - expected).sum(axis=(1, 2)) * 2.0 / layout.TABLE_BINS
 
 
 def _largest_ratio(device, fibre, rng):
