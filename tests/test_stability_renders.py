@@ -16,7 +16,6 @@ from furcl.oracle.host_render import HostRenderer, _Segments
 from furcl.render.renderer import Renderer
 from furcl.scene.read import load_scene
 
-
 # Nothing absorbs in it: its picture is known, and the host's paths through it are long and uneven.
 FURNACE = "clear_long_paths"
 COMPARED = [path for path in stability_renders.scene_files() if path.stem != FURNACE]

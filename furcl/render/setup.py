@@ -21,7 +21,6 @@ from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
-from furcl.light.kinds import from_table
 from furcl.light.model import Light
 from furcl.render.film import Film
 from furcl.render.specialise import everything_on, scene_features
@@ -87,7 +86,7 @@ def set_up(
     GroomError, SceneError, ResourceError, KernelBuildError
     """
     timed = Timer()
-    light = from_table(scene.environment)
+    light = scene.build_light()
     fibre = scene.build_fibre()
     features = scene_features(scene, fibre, light)
     if not specialised:

@@ -22,6 +22,7 @@ from furcl.groom import kinds as groom_kinds
 from furcl.groom.curves import Curves
 from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
+from furcl.light.model import Light
 from furcl.scene.camera import Camera
 from furcl.surface.ellipsoid import Body
 from furcl.table import Table
@@ -129,8 +130,22 @@ class Scene(Table, frozen=True, kw_only=True):
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def build_fibre(self) -> Any:
-        """The parameters of the fibre, of its model's own class; raises FibreError on values outside their ranges."""
+        """The parameters of the fibre, of its model's own class.
+
+        Raises
+        ------
+        FibreError      a value outside its range
+        """
         return self.fibre.build()
+
+    def build_light(self) -> Light:
+        """The light around the scene; files are read here.
+
+        Raises
+        ------
+        ImageError      if the image of the light cannot be used
+        """
+        return lights.from_table(self.environment)
 
     def build_curves(self) -> Curves:
         """Read or grow the groom.
