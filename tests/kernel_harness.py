@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from furcl.device import program
+from furcl.device import layout, program
 from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.launch import grid
 from furcl.device.memory import Memory
+from furcl.device.source import expand
+from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
+
+#: Features with every part of the double cylinder.
+FULL = Features(fibre=DoubleCylinderFeatures())
 
 
 def call(
@@ -31,10 +36,12 @@ def call(
     arrays = np.broadcast_arrays(*[np.asarray(a, np.float32) for a in arguments])
     parameters = ", ".join(f"__global const float* p{name}" for name in names)
     reads = " ".join(f"const float {name} = p{name}[i];" for name in names)
-    text = program.source(include, features or Features(), {"FURCL_LANES": lanes}) + (
+    chosen = features or FULL
+    text = expand(include, chosen) + (
         f"\n{before}\n__kernel void call(const uint n, __global float* out, {parameters})\n"
         f"{{ const uint i = get_global_id(0); if (i >= n) return; {reads} out[i] = {expression}; }}"
     )
+    text = layout.declarations(text, chosen, {"FURCL_LANES": lanes}) + text
     built = cl.Program(device.context, text).build(list(program.OPTIONS))
     memory = Memory(device)
     n = arrays[0].size

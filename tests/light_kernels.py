@@ -8,9 +8,10 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from furcl.device import program
+from furcl.device import layout, program
 from furcl.device.choice import Device
 from furcl.device.features import Features
+from furcl.device.source import expand
 from furcl.light.model import Light
 
 LOOKUP = """
@@ -60,13 +61,9 @@ class Samples(NamedTuple):
 def _run(device: Device, light: Light, kernel: str, inputs, widths, light_sampling: bool):
     """Outputs (n, width) or (n,) of a kernel of this file over points and rows of values."""
     part = light.part()
-    constants = {**part.defines(), **part.constants()}
-    text = (
-        "".join(f"#define {name} {value}\n" for name, value in constants.items())
-        + program.source(str(part.header), Features(light_sampling=light_sampling))
-        + LOOKUP
-        + (SAMPLE if light_sampling else "")
-    )
+    features = Features(light=part, light_sampling=light_sampling)
+    text = expand(str(part.header), features) + LOOKUP + (SAMPLE if light_sampling else "")
+    text = layout.declarations(text, features) + text
     built = cl.Program(device.context, text).build(list(program.OPTIONS))
     flags = cl.mem_flags
     n = len(inputs[-1])

@@ -7,17 +7,18 @@ from kernel_harness import call
 from ray_reference import unit
 
 from furcl.device.features import Features
+from furcl.surface.ellipsoid import PART
 
 CENTRE, RADII = np.array([0.3, -0.2, 0.5]), np.array([0.5, 1.0, 2.0])
 WRAPPER = """
 static float body_t(float3 origin, float3 direction)
 {
-    const Body body = {(float4)(0.3f, -0.2f, 0.5f, 0.0f), (float4)(2.0f, 1.0f, 0.5f, 0.0f),
+    const SurfaceParams body = {(float4)(0.3f, -0.2f, 0.5f, 0.0f), (float4)(2.0f, 1.0f, 0.5f, 0.0f),
                        (float4)(0.0f)};
     const Query query = {origin, normalize(direction), 0.0f, FURCL_NO_SEGMENT};
     Hit hit = {1e30f, 0.5f, FURCL_NO_SEGMENT};
-    const bool found = body_query(&body, &query, &hit);
-    if (found != (hit.segment == FURCL_BODY_SEGMENT)) return -2.0f;
+    const bool found = surface_hit(&body, &query, &hit);
+    if (found != (hit.segment == FURCL_SURFACE_HIT)) return -2.0f;
     return found ? hit.t : -1.0f;
 }
 """
@@ -31,7 +32,7 @@ def body_distance(device, origins, directions):
         "body_t((float3)(x, y, z), (float3)(a, b, c))",
         *origins.T,
         *directions.T,
-        features=Features(body=True),
+        features=Features(surface=PART),
         before=WRAPPER,
     )
 

@@ -295,7 +295,7 @@ def _document(of: Scene) -> dict[str, Any]:
 @pytest.mark.slow
 def test_a_biased_sampler_is_seen(device, cache, tmp_path):
     """The mutant of the tests above: a sampler that reports a density 10 % too high."""
-    text = samplers.find("uniform-h").source()
+    text = samplers.find("uniform-h").text()
     assert text.count("r.joint = joint[p];") == 1
     wrong = tmp_path / "wrong.clh"
     wrong.write_text(text.replace("r.joint = joint[p];", "r.joint = 1.1f * joint[p];"))

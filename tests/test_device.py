@@ -113,7 +113,7 @@ def test_selftest_passes(device: Device) -> None:
         ("if (flags[i]) place", "place", DeviceError, "atomic"),
         ("shared[1] + place", "shared[1]", DeviceError, "local memory"),
         ("2u * i, 3u", "2u * i, 4u", DeviceError, "Philox"),
-        ("float eta; float eta_sq", "double eta; float eta_sq", FurclError, "lays structs out"),
+        ("float real; uint whole", "double real; uint whole", FurclError, "lays a struct out"),
         ("barrier(", "no_such_function(", KernelBuildError, "does not compile"),
     ],
 )
@@ -125,14 +125,14 @@ def test_selftest_sees_faults(
     error: type[FurclError],
     words: str,
 ) -> None:
-    original = program.source
+    original = program.kernel_text
 
     def mutated(*arguments: object) -> str:
         source = original(*arguments)  # pyright: ignore[reportArgumentType]
         assert text in source
         return source.replace(text, mutant)
 
-    monkeypatch.setattr(program, "source", mutated)
+    monkeypatch.setattr(program, "kernel_text", mutated)
     with pytest.raises(error, match=words):
         selftest.run(device)
 

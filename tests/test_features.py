@@ -9,19 +9,24 @@ from scene_documents import fur_patch
 
 from furcl.bench import features as bench
 from furcl.device import program
-from furcl.device.features import ENVIRONMENTS, FILTERS, Features
-from furcl.fibre.material import NEGLIGIBLE_SHARE, fibre_features
+from furcl.device.features import Features
+from furcl.device.layout import FILTERS
+from furcl.device.source import kernel_text
+from furcl.fibre import samplers
+from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
+from furcl.fibre.double_cylinder.model import MODEL
+from furcl.fibre.material import NEGLIGIBLE_SHARE
 from furcl.groom.curves import Curves
+from furcl.light import kinds as lights
 from furcl.paths import scene_folder
 from furcl.render.renderer import Renderer
 from furcl.render.specialise import everything_on
-from furcl.render.wavefront import STAGES
+from furcl.render.wavefront import stage_defines, stage_files
 from furcl.scene.read import load_scene, with_overrides
+from furcl.surface.ellipsoid import PART
 
-# Every field of Features and the values that scenes can give it.
-VALUES = {
-    "sampling": ("uniform-h", "attenuation-cdf", "full-cdf"),
-    "channels": (1, 3),
+# Every field of Features and of the fibre's, and the values that scenes can give it.
+FIBRE_VALUES = {
     "medulla": (False, True),
     "scattered": (False, True),
     "profile_channels": (0, 1, 3),
@@ -29,10 +34,15 @@ VALUES = {
     "tilt": (False, True),
     "residual": (False, True),
     "dropped_lobes": ((), ("TRT",)),
-    "environment": ENVIRONMENTS,
+}
+VALUES = {
+    **FIBRE_VALUES,
+    "sampler": samplers.BUILT_IN,
+    "channels": (1, 3),
+    "light": tuple(light.kind for light in lights.BUILT_IN),
     "light_sampling": (False, True),
     "point_radii": (False, True),
-    "body": (False, True),
+    "surface": (None, PART),
     "lens": (False, True),
     "filter": FILTERS,
     "roulette": (False, True),
@@ -40,6 +50,23 @@ VALUES = {
     "statistics": (False, True),
     "debug": (False,),
 }
+
+
+def _features(values):
+    """The Features of a row of values."""
+    own = {name: values[name] for name in FIBRE_VALUES if name in values}
+    rest = {name: value for name, value in values.items() if name not in FIBRE_VALUES}
+    rest["sampler"] = samplers.find(rest.get("sampler", "full-cdf"))
+    rest["light"] = lights.find(rest.get("light", "constant")).part()
+    return Features(fibre=DoubleCylinderFeatures(**own), **rest)
+
+
+def _texts(device, features):
+    """The text of every stage, as the compiler sees it."""
+    return {
+        stage: bench.preprocessed(kernel_text(file, features, stage_defines(stage, device)))
+        for stage, file in stage_files(features).items()
+    }
 
 
 def _reachable(values):
@@ -82,7 +109,9 @@ ROWS, MISSING = pairwise(VALUES, _reachable)
 
 
 def test_every_reachable_pair_is_in_the_matrix():
-    assert set(VALUES) == {field.name for field in dataclasses.fields(Features)}
+    fields = {field.name for field in dataclasses.fields(Features)} - {"fibre"}
+    of_fibre = {field.name for field in dataclasses.fields(DoubleCylinderFeatures)}
+    assert set(VALUES) == fields | of_fibre
     for a, u, b, v in MISSING:
         row = {name: values[-1] for name, values in VALUES.items()} | {a: u, b: v}
         fixes = itertools.product((False, True), (False, True), (0, 1, 3), (1, 3))
@@ -98,9 +127,9 @@ def test_every_reachable_pair_is_in_the_matrix():
 @pytest.mark.parametrize("row", range(len(ROWS)))
 def test_compile_matrix(device, row):
     """All stages compile without a warning (-Werror)."""
-    features = Features(**ROWS[row])
-    for file in sorted(set(STAGES.values())):
-        program.build(device, file, features)
+    features = _features(ROWS[row])
+    for stage, file in stage_files(features).items():
+        program.build(device, file, features, stage_defines(stage, device))
 
 
 def _scene(name):
@@ -133,6 +162,7 @@ def test_same_estimator_gives_almost_the_same_bits(device):
     scene = with_overrides(fur_patch(light_sampling="mis"), ["fibre.preset=raccoon"])
     lean, full = (Renderer(scene, device, specialised=flag) for flag in (True, False))
     assert full.features == everything_on(lean.features)
+    assert full.material.fibre_features == lean.material.fibre_features.everything_on()
     for renderer in (lean, full):
         renderer.advance(8)
     a, b = lean.image().rgb, full.image().rgb
@@ -145,26 +175,24 @@ ABSENT = [
     ({"medulla": False, "scattered": False, "profile_channels": 0}, ("half_medulla",)),
     ({"profile_channels": 0}, ("profile_channels(",)),
     ({"residual": False}, ("residual_attenuation",)),
-    ({"light_sampling": False}, ("environment_sample", "environment_pdf", "intersect_shadow")),
+    ({"light_sampling": False}, ("light_sample(", "light_density(", "intersect_shadow")),
     ({"point_radii": False}, ("typedef float4 StoredVertex",)),
-    ({"body": False}, ("scatter_at_body", "body_query", "PS_HIT_T")),
+    ({"surface": None}, ("scatter_at_surface", "surface_hit(", "PS_HIT_T")),
     ({"lens": False}, ("sin_turn",)),
     ({"statistics": False}, ("atomic_add(lobe_counts",)),
-    ({"environment": "constant"}, ("sky_radiance",)),
+    ({"light": "constant"}, ("sky_radiance",)),
     ({"variance": False}, ("mean_before",)),
     ({"roulette": False}, ("throughput /= largest",)),
-    ({"sampling": "uniform-h"}, ("search_remainder(bins",)),
+    ({"sampler": "uniform-h"}, ("search_remainder(bins",)),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("changes", "words"), ABSENT)
-def test_left_out_code_is_absent(changes, words):
-    full = Features(
-        residual=True, environment="sky", light_sampling=True, body=True, lens=True, debug=False
-    )
+def test_left_out_code_is_absent(device, changes, words):
+    full = {"residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True}
     texts = {
-        flag: "\n".join(bench.preprocessed(file, features) for file in sorted(set(STAGES.values())))
-        for flag, features in (("full", full), ("lean", full.with_(**changes)))
+        flag: "\n".join(_texts(device, _features(values)).values())
+        for flag, values in (("full", full), ("lean", full | changes))
     }
     for word in words:
         assert word in texts["full"], f"{word} is misspelt in this test"
@@ -196,27 +224,25 @@ def test_negligible_lobes_are_dropped_and_named(device):
     renderer = Renderer(scene, device)
     renderer.advance(1)
     stats = renderer.stats()
-    assert renderer.features.lobes == ("R",)
+    assert renderer.material.fibre_features.lobes == ("R",)
     assert f"{NEGLIGIBLE_SHARE:g}" in stats["features"]["left_out"]["lobe TT"]
     assert stats["lobes"]["TT"] == 0
-    assert not renderer.features.scattered
-    assert renderer.memory.bytes["profiles"] == 0
+    assert not renderer.material.fibre_features.optional()["scattered"][0]
+    assert renderer.material.fibre_features.data_words == 0
 
 
 @pytest.mark.parametrize("preset", ["human-black", "raccoon"])
 def test_ordinary_lobes_stay(device, preset):
     scene = with_overrides(fur_patch(), [f"fibre.preset={preset}"])
-    lobes = Renderer(scene, device).features.lobes
+    lobes = Renderer(scene, device).material.fibre_features.lobes
     assert {"R", "TT", "TTs"} <= set(lobes)
 
 
 def test_features_of_fibres():
-    clear = fibre_features(
-        with_overrides(fur_patch(), ["fibre.kappa=0.0"]).build_fibre(), sampling="full-cdf"
-    )
+    clear = MODEL.features(with_overrides(fur_patch(), ["fibre.kappa=0.0"]).build_fibre())
     assert not clear.medulla
     assert not clear.scattered
-    fox = fibre_features(fur_patch().build_fibre(), sampling="full-cdf")
-    assert fox.medulla
-    assert fox.profile_channels == 1
-    assert fox.channels == 1
+    fox = fur_patch().build_fibre()
+    assert MODEL.features(fox).medulla
+    assert MODEL.features(fox).profile_channels == 1
+    assert MODEL.is_grey(fox)

@@ -123,14 +123,14 @@ MUTANTS = {
 @pytest.mark.parametrize("mutant", MUTANTS)
 def test_mutants_are_seen(device: Device, monkeypatch: pytest.MonkeyPatch, mutant: str) -> None:
     """Kernels with a typical mistake in their text."""
-    source = program.source
+    source = program.kernel_text
 
     def mutated(*arguments, **keywords) -> str:
         text, count = re.subn(*MUTANTS[mutant], source(*arguments, **keywords))
         assert arguments[0] != "tools/probe.cl" or count == 1
         return text
 
-    monkeypatch.setattr(program, "source", mutated)
+    monkeypatch.setattr(program, "kernel_text", mutated)
     assert worst_integral(white_probe(device, 0.86)) > 1e-3
 
 

@@ -10,8 +10,7 @@ import pytest
 from scene_documents import fur_patch
 
 from furcl.bench.features import preprocessed
-from furcl.device import layout, program
-from furcl.device.features import Features
+from furcl.device import layout, source
 from furcl.errors import KernelIndexError
 from furcl.image.exr import write_exr
 from furcl.light.image import ImageEnvironment
@@ -56,11 +55,8 @@ def test_a_corrupted_queue_is_reported(renderer):
     stages = renderer.wavefront
     bad = np.array([4_000_000_000], np.uint32)
     cl.enqueue_copy(stages.queue, stages.active, bad, dst_offset=4 * 17)
-    size = int(wave["n_slots"])
-    with pytest.raises(
-        KernelIndexError,
-        match=rf"kernel intersect_closest, intersect.cl:\d+: index 4000000000 .* below {size} ",
-    ):
+    found = rf"kernel intersect_closest, core/paths.clh:\d+: index 4000000000 .* {stages.n_slots} "
+    with pytest.raises(KernelIndexError, match=found):
         stages.intersect_closest(wave, active)
     # The record is empty again.
     _, active = _generate(renderer)
@@ -77,7 +73,9 @@ def test_a_segment_that_does_not_exist_is_reported(renderer):
     cl.enqueue_copy(stages.queue, words, stages.state)
     words[:, names.index("HIT_SEGMENT")] = 123_456_789
     cl.enqueue_copy(stages.queue, stages.state, words)
-    with pytest.raises(KernelIndexError, match=r"sample_lobe_h, hits.clh:\d+: index 12345"):
+    with pytest.raises(
+        KernelIndexError, match=r"sample_lobe_h, geometry/fibre_hits.clh:\d+: index 12345"
+    ):
         stages.sample_lobe_h(wave, active, 0)
 
 
@@ -88,16 +86,18 @@ def test_a_broken_tree_is_reported(renderer, kind):
     stages = renderer.wavefront
     words = np.empty(stages.geometry[0].size // 4, np.uint32)
     cl.enqueue_copy(stages.queue, words, stages.geometry[0])
-    blocks = words[: -layout.CHECK_WORDS].reshape(-1, layout.BVH_BLOCK_WORDS)[:-1]
-    are_segments = (blocks[:, 22, None] >> (8 + np.arange(8))) & 1 == (kind == "segment")
-    in_use = (blocks[:, 22, None] >> np.arange(8)) & 1 == 1
+    blocks = words[: -layout.CHECK_WORDS].reshape(-1, layout.BLOCK_WORDS)[:-1]
+    are_segments = (blocks[:, layout.BLOCK_LANES, None] >> (8 + np.arange(8))) & 1 == (
+        kind == "segment"
+    )
+    in_use = (blocks[:, layout.BLOCK_LANES, None] >> np.arange(8)) & 1 == 1
     assert (are_segments & in_use).any()
-    blocks[:, 24:][are_segments & in_use] = 23_456_789
+    blocks[:, layout.BLOCK_REFERENCES :][are_segments & in_use] = 23_456_789
     cl.enqueue_copy(stages.queue, stages.geometry[0], words)
     size = len(blocks) if kind == "subtree" else stages.n_vertices - 1
     with pytest.raises(
         KernelIndexError,
-        match=rf"kernel intersect_closest, traversal.clh:\d+: index 23456789 .* below {size} ",
+        match=rf"kernel intersect_closest, bvh/block.clh:\d+: index 23456789 .* below {size} ",
     ):
         stages.intersect_closest(wave, active)
 
@@ -105,24 +105,27 @@ def test_a_broken_tree_is_reported(renderer, kind):
 # File, what is wrong in it, what replaces it; the kernel that finds it and the text of its line.
 MUTANTS = {
     "row of the tables": (
-        "include/tables.clh", "(FURCL_TABLE_ROWS - 1), FURCL_TABLE_ROWS)", "2e3f, 2000)",
-        "sample_lobe_h", "include/samplers/attenuation_cdf.clh", "TABLE_INDEX(row.node",
+        "include/fibre/sampler.clh", "(FURCL_TABLE_ROWS - 1), FURCL_TABLE_ROWS)", "2e3f, 2000)",
+        "sample_lobe_h", "include/fibre/sampler.clh", "row, FURCL_TABLE_ROWS) * FURCL_LOBES",
     ),
     "bin of the profiles": (
-        "include/profiles.clh", "return min((uint)fmax(", "return 128u + min((uint)fmax(",
-        "shade", "include/profiles.clh", "PROFILE_INDEX(profile_phi_bin(",
+        "include/fibre/double_cylinder/profiles.clh",
+        "return min((uint)fmax(", "return 128u + min((uint)fmax(",
+        "shade", "include/fibre/double_cylinder/profiles.clh", "fibre, profile_phi_bin(",
     ),
     "row of the profiles": (
-        "include/profiles.clh", "= tau.node * FURCL", "= (tau.node + 4u) * FURCL",
-        "attenuation_bins", "include/profiles.clh", "r->row[i], PROFILE_ROWS) * FURCL_PROFILE_CH",
+        "include/fibre/double_cylinder/profiles.clh",
+        "= tau.node * FURCL", "= (tau.node + 4u) * FURCL",
+        "attenuation_bins", "include/fibre/double_cylinder/profiles.clh",
+        "PROFILE_ESCAPE + PROFILE_INDEX(fibre, r->row[i]",
     ),
     "texel of the light": (
-        "include/environment.clh", "clamp((int)y0, 0, height - 1)", "(int)y0 + height",
-        "shade_escaped", "include/environment.clh", "ENV_INDEX(top,",
+        "include/light/image.clh", "clamp((int)y0, 0, height - 1)", "(int)y0 + height",
+        "shade_escaped", "include/light/image.clh", "top, height)",
     ),
     "sum of the film": (
         "stages/film.cl", "(pixel * FILM_SPECTRA", "(9999u + pixel * FILM_SPECTRA",
-        "add_to_film", "stages/film.cl", "sum = spectrum_load(FILM_PLACE(0u))",
+        "add_to_film", "stages/film.cl", "return film + FURCL_INDEX(",
     ),
 }  # fmt: skip
 
@@ -132,35 +135,26 @@ def test_a_wrong_index_is_reported(device, tmp_path, monkeypatch, light_picture,
     """Mutants of the kernels: each is found by the kernel and in the line that uses the index."""
     file, right, wrong, kernel, found_in, line_text = MUTANTS[name]
     folder = tmp_path / "kernels"
-    shutil.copytree(program.kernel_folder(), folder)
+    shutil.copytree(source.kernel_folder(), folder)
     text = (folder / file).read_text()
     assert text.count(right) == 1
     (folder / file).write_text(text.replace(right, wrong))
     lines = (folder / found_in).read_text().splitlines()
     (line,) = (i for i, text in enumerate(lines, 1) if line_text in text)
-    label = found_in.split("/")[-1]
+    label = found_in.removeprefix("include/")
     monkeypatch.setenv("FURCL_DEBUG", "1")
-    monkeypatch.setattr(program, "kernel_folder", lambda: folder)
+    monkeypatch.setattr(source, "kernel_folder", lambda: folder)
     with pytest.raises(KernelIndexError, match=rf"kernel {kernel}, {label}:{line}: index"):
         Renderer(light_picture, device).advance(1)
 
 
-def test_release_builds_hold_no_checks():
+def test_release_builds_hold_no_checks(device, light_picture, monkeypatch):
     """Nothing of them is left in what the compiler sees; a debug build holds them."""
     found = {}
-    for debug in (False, True):
-        features = Features(debug=debug, environment="image", light_sampling=True, body=True)
-        found[debug] = 0
-        for kernel in (
-            "generate",
-            "intersect",
-            "shade",
-            "sample_lobe_h",
-            "film",
-            "probe",
-            "tables",
-        ):
-            seen = preprocessed(f"{kernel}.cl", features)
-            found[debug] += len(re.findall(r"checked_index|record|CHECK|FURCL_", seen))
-    assert found[False] == 0
-    assert found[True] > 100
+    for debug in ("0", "1"):
+        monkeypatch.setenv("FURCL_DEBUG", debug)
+        texts = Renderer(light_picture, device).wavefront.stage_texts().values()
+        seen = "\n".join(preprocessed(text) for text in texts)
+        found[debug] = len(re.findall(r"checked_index|recorded?\(|CHECK|FURCL_", seen))
+    assert found["0"] == 0
+    assert found["1"] > 100

@@ -6,9 +6,11 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from furcl.device import kernel_cache, program
+from furcl.device import kernel_cache, program, source
 from furcl.device.features import Features
+from furcl.device.launch import path_defines, ray_defines
 from furcl.device.memory import Memory
+from furcl.device.source import kernel_text
 
 TEXT = "__kernel void constant_value(__global float* out) { out[0] = VALUE; }\n"
 OPTIONS = program.OPTIONS
@@ -34,7 +36,6 @@ def _value(device, built):
 
 
 def _build(device, value):
-    program._build.cache_clear()
     return program._build(device, "constant.cl", _text(value), Features())
 
 
@@ -65,7 +66,7 @@ def test_unwritable_folder_is_no_error(cached_device, tmp_path, monkeypatch):
 
 
 def _keys(device):
-    text = program.source("stages/film.cl", Features())
+    text = kernel_text("stages/film.cl", Features())
     return kernel_cache.cache_key(device, text, OPTIONS)
 
 
@@ -75,18 +76,18 @@ def _keys(device):
 )
 def test_key_covers_all_that_decides_a_binary(device, tmp_path, monkeypatch, change):
     before = _keys(device)
-    text, options, other = program.source("stages/film.cl", Features()), OPTIONS, device
+    text, options, other = kernel_text("stages/film.cl", Features()), OPTIONS, device
     if change == "features":
-        text = program.source("stages/film.cl", Features(variance=False))
+        text = kernel_text("stages/film.cl", Features(variance=False))
     elif change == "include":
         import shutil
 
         folder = tmp_path / "kernels"
-        shutil.copytree(program.kernel_folder(), folder)
+        shutil.copytree(source.kernel_folder(), folder)
         spectrum = folder / "include" / "core/spectrum.clh"
         spectrum.write_text(spectrum.read_text() + "/* one more comment */\n")
-        monkeypatch.setattr(program, "kernel_folder", lambda: folder)
-        text = program.source("stages/film.cl", Features())
+        monkeypatch.setattr(source, "kernel_folder", lambda: folder)
+        text = kernel_text("stages/film.cl", Features())
     elif change == "options":
         options = (*OPTIONS, "-cl-mad-enable")
     elif change != "nothing":
@@ -96,13 +97,25 @@ def test_key_covers_all_that_decides_a_binary(device, tmp_path, monkeypatch, cha
     assert (after == before) == (change == "nothing")
 
 
-def test_features_that_a_file_does_not_use_still_rebuild_it_only(device):
-    """Keys differ by features even where the text after the preprocessor would not."""
-    keys = {
-        kernel_cache.cache_key(device, program.source("stages/film.cl", f), OPTIONS)
-        for f in (Features(), Features(tilt=False), Features())
-    }
-    assert len(keys) == 2
+@pytest.mark.parametrize(
+    ("file", "change", "rebuilt"),
+    [
+        ("stages/film.cl", {"variance": False}, True),
+        ("stages/film.cl", {"roulette": False}, False),
+        ("stages/intersect.cl", {"filter": "box"}, False),
+        ("stages/intersect.cl", {"channels": 1}, True),
+        ("stages/generate.cl", {"filter": "box"}, True),
+        ("prepare/bvh_build.cl", {"channels": 1}, False),
+        ("prepare/bvh_build.cl", {"point_radii": False}, True),
+    ],
+)
+def test_only_what_a_kernel_names_rebuilds_it(device, file, change, rebuilt):
+    extra = {**path_defines(device), **ray_defines(device)}
+    keys = [
+        kernel_cache.cache_key(device, kernel_text(file, features, extra), OPTIONS)
+        for features in (Features(), Features(**change))
+    ]
+    assert (keys[0] != keys[1]) == rebuilt
 
 
 def test_bits_are_those_of_a_fresh_build(cached_device):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furcl.fibre.double_cylinder import profile_cache, profiles
+from furcl.fibre.double_cylinder import profiles
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import build_profiles
 
@@ -121,8 +121,8 @@ def test_writers_at_once_leave_one_whole_file(tmp_path):
 
     def write(value: int) -> None:
         for _ in range(20):
-            profile_cache.store(path, {"a": np.full(50_000, value)})
-            arrays = profile_cache.load(path, shapes)
+            profiles.store_cached(path, {"a": np.full(50_000, value)})
+            arrays = profiles.load_cached(path, shapes)
             if arrays is None or (arrays["a"] != arrays["a"][0]).any():
                 failures.append(value)
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import furcl
+from furcl.device.features import Features
 from furcl.errors import FurclError, KernelBuildError, SamplerError, SceneError
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.paths import kernel_folder
 from furcl.render.probe import Probe
 from furcl.scene.read import decode_scene
 
@@ -44,7 +47,7 @@ def registered():
         return sampler
 
     yield register
-    for name in names:
+    for name in set(names):
         samplers.unregister(name)
 
 
@@ -55,6 +58,10 @@ def scene_file(tmp_path: Path) -> Path:
     return path
 
 
+def _file(name: str) -> Path:
+    return kernel_folder() / "include" / samplers.find(name).header
+
+
 def fibre(**changes) -> Fibre:
     return Fibre.preset("human-white", kappa=0.0, **changes)
 
@@ -63,7 +70,7 @@ def test_names_begin_with_those_of_furcl(registered):
     assert samplers.names() == samplers.BUILT_IN
     registered("mine", EXAMPLE, needs_tables=True)
     assert samplers.names() == (*samplers.BUILT_IN, "mine")
-    assert samplers.find("mine").clh == EXAMPLE
+    assert samplers.find("mine").header == EXAMPLE
 
 
 @pytest.mark.parametrize("name", samplers.BUILT_IN)
@@ -93,7 +100,7 @@ def test_unknown_names_are_refused_in_scenes(scene_file):
 
 def test_a_copy_of_a_sampler_renders_the_same_picture(device, registered, scene_file):
     """The text decides, not the name."""
-    registered("copy", samplers.find("attenuation-cdf").clh, needs_tables=True)
+    registered("copy", _file("attenuation-cdf"), needs_tables=True)
     images = [
         furcl.render(furcl.load_scene(scene_file, sampling=name, spp=4, seed=3), device=device)
         for name in ("attenuation-cdf", "copy")
@@ -116,7 +123,29 @@ def test_includes_are_found_beside_the_file(device, registered, tmp_path):
         '/* joint_densities and sample_lobe_and_offset */\n#include "part.clh"\n'
     )
     registered("whole", tmp_path / "whole.clh", needs_tables=True)
-    assert Probe(fibre(), sampling="whole", device=device).features.sampler.name == "whole"
+    assert Probe(fibre(), sampling="whole", device=device).sampler.name == "whole"
+
+
+def test_a_sampler_without_tables_cannot_read_them(device, registered):
+    """They are not declared, so that such a text does not compile."""
+    registered("no-tables", _file("attenuation-cdf"), needs_tables=False)
+    with pytest.raises(KernelBuildError, match="table_rows"):
+        Probe(fibre(), sampling="no-tables", device=device)
+
+
+def test_tables_are_needed_where_the_text_names_them(registered):
+    assert registered("found", _file("attenuation-cdf")).needs_tables
+    assert not registered("plain", _file("uniform-h")).needs_tables
+
+
+def test_features_keep_their_sampler(registered):
+    """Pickled or not, and after the name is gone or means another sampler."""
+    kept = Features(sampler=registered("mine", EXAMPLE, needs_tables=True))
+    registered("mine", _file("uniform-h"), needs_tables=False)
+    assert pickle.loads(pickle.dumps(kept)) == kept
+    assert kept.sampler is not None
+    assert kept.sampler.header == EXAMPLE
+    assert kept != Features(sampler=samplers.find("mine"))
 
 
 @pytest.mark.statistical

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kernel_harness import call
 
-from furcl.bench import stability
+from furcl.bench import stability, stability_integrals
 from furcl.bench.stability import WIDTHS
 from furcl.bench.stability_compare import Comparison, Row, probe_of
 from furcl.bench.stability_conditioning import attenuation_conditioning, reference_attenuation
@@ -19,7 +19,6 @@ from furcl.bench.stability_points import LAST, Points, grid_fibres, points, rand
 from furcl.bench.stability_reference import reference_rows
 from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
-from furcl.render.probe import Probe
 
 N_FIBRES = 40
 N_POINTS = 250
@@ -268,9 +267,11 @@ def test_m_and_d_alone_integrate_to_one(device):
 
 def test_a_wrong_integral_is_seen(device, monkeypatch):
     """Mutant: densities larger by a five-hundredth."""
-    real = Probe.densities
+    real = stability_integrals.lobe_densities
     monkeypatch.setattr(
-        Probe, "densities", lambda *given: [np.float32(1.002) * x for x in real(*given)]
+        stability_integrals,
+        "lobe_densities",
+        lambda *given: [np.float32(1.002) * x for x in real(*given)],
     )
     for row in factors(device, (0.1,), (0.5,)):
         assert row.excess > 1.0

@@ -47,8 +47,8 @@ def test_a_host_in_other_light_is_seen(compared, monkeypatch, path):
 
     def in_other_light(scene, profiles):
         host = HostRenderer(scene, profiles)
-        radiance = host.environment.radiance
-        host.environment = cast(Any, SimpleNamespace(radiance=lambda d: 1.5 * radiance(d)))
+        radiance = host.light.radiance
+        host.light = cast(Any, SimpleNamespace(radiance=lambda d: 1.5 * radiance(d)))
         return host
 
     monkeypatch.setattr(stability_renders, "HostRenderer", in_other_light)

@@ -5,8 +5,8 @@ import pytest
 from scene_documents import fur_patch
 
 import furcl
-from furcl.device import program, queue_launch
-from furcl.render import rays, wavefront
+from furcl.device import launch, program
+from furcl.render import wavefront
 
 SCENE = {"light_sampling": "mis", "residual": True, "spp": 2}
 
@@ -14,9 +14,9 @@ SCENE = {"light_sampling": "mis", "residual": True, "spp": 2}
 @pytest.fixture(autouse=True)
 def fresh_programs():
     """Kernel objects keep the work-group size that they were compiled for on some runtimes."""
-    program._build.cache_clear()
+    program.forget_programs()
     yield
-    program._build.cache_clear()
+    program.forget_programs()
 
 
 @pytest.mark.slow
@@ -28,11 +28,9 @@ def test_renders_agree(device, monkeypatch, size, an_item):
         pytest.skip(f"{device.name} allows {device.cl_device.max_work_group_size} items a group")
     expected = furcl.render(fur_patch(**SCENE), device=device, wave_size=1000)
     monkeypatch.setattr(wavefront, "LOCAL_SIZE", size)
-    launch = (an_item, min(an_item, 12), size)
-    monkeypatch.setattr(rays, "_CPU", launch)
-    monkeypatch.setattr(rays, "_GPU", launch)
-    monkeypatch.setattr(queue_launch, "_CPU", (an_item, size))
-    monkeypatch.setattr(queue_launch, "_GPU", (an_item, size))
+    for kind in ("CPU", "GPU"):
+        monkeypatch.setattr(launch, f"_RAYS_{kind}", (an_item, min(an_item, 12), size))
+        monkeypatch.setattr(launch, f"_PATHS_{kind}", (an_item, size))
     image = furcl.render(fur_patch(**SCENE), device=device, wave_size=1000)
     assert image.stats["rays"] == expected.stats["rays"]
     assert image.stats["nonfinite"] == 0

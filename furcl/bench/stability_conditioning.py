@@ -67,7 +67,9 @@ def reference_pdf(
     value = reference.evaluate(clear, wo, wi, h, profiles, lobe=name)[..., 0]
     direction = np.divide(value, share, out=np.full_like(value, np.nan), where=share > 1e-200)
     assert probe.material.tables is not None
-    return (Rows(probe.material.tables, cos).joint(h)[lobe] * direction)[:, None]
+    # Per unit of h, which uniform h has a density of 1/2 of.
+    joint = 0.5 * Rows(probe.material.tables, cos).joint(h)[lobe]
+    return (joint * direction)[:, None]
 
 
 def _without_absorption(profiles: MedullaProfiles | None) -> MedullaProfiles | None:

@@ -83,7 +83,7 @@ class Rows:
         return np.maximum(energy[self.node], energy[self.node + 1])
 
     def joint(self, h: Array) -> Array:
-        """(lobes, n) densities q of lobe and offset at offsets h (n,)."""
+        """(lobes, n) densities q of lobe and offset at offsets h (n,), relative to uniform h."""
         bins = np.minimum((np.abs(h) * layout.TABLE_BINS).astype(np.intp), layout.TABLE_BINS - 1)
         joint = self._tables.joint.astype(np.float64)
         return (
@@ -92,11 +92,11 @@ class Rows:
         )
 
     def weight(self, attenuation: Array, h: Array) -> Array:
-        """(lobes, n) weights A_p / (2 q) of A_p (lobes, n) at offsets h (n,); 0 where A_p is."""
+        """(lobes, n) weights A_p / q of A_p (lobes, n) at offsets h (n,); 0 where A_p is."""
         q = self.joint(h)
-        # The kernels choose no lobe of a smaller density (MIN_JOINT in tables.clh).
-        chosen = q >= 1e-30
-        return np.divide(attenuation, 2.0 * q, out=np.zeros_like(q), where=chosen)
+        # The kernels choose no lobe of a smaller density (MIN_JOINT in fibre/sampler.clh).
+        chosen = q >= 2e-30
+        return np.divide(attenuation, q, out=np.zeros_like(q), where=chosen)
 
 
 def largest_weight(probe: Probe, cos: Array) -> Array:

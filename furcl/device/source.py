@@ -18,7 +18,8 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
     """The text of a kernel file with every #include replaced by what it names.
 
     `#include "a/b.clh"` is sought beside the file that asks for it, then in the folder of the
-    kernels and in its include folder; `#include <light>` is the header of that part of `features`.
+    kernels and in its include folder; `#include <light>` is the header of that part of `features`,
+    and an error where they have none.
     Caches of OpenCL runtimes hash the text that they are given, not the files that it includes;
     given the whole text they cannot return a stale kernel. Each file is included once.
 
@@ -33,14 +34,6 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
     def find(include: str, beside: Path | None) -> Path | None:
         places = (*([beside] if beside else []), *bases)
         return next((p / include for p in places if (p / include).is_file()), None)
-
-    def header(part: str, asked_by: str) -> Path:
-        if part not in features.parts:
-            raise KernelBuildError(
-                f"{asked_by}: #include <{part}> - this build has of such parts "
-                f"{', '.join(features.parts) or 'none'}; give its Features a {part}"
-            )
-        return folder / "include" / features.parts[part].header
 
     def walk(path: Path, asked_by: str) -> list[str]:
         if path.resolve() in seen:
@@ -60,7 +53,14 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
                 lines.append(line)
                 continue
             place = f"{label}:{number}"
-            target = header(match[2], place) if match[2] else find(match[1], path.parent)
+            if match[2] and match[2] not in features.parts:
+                # An error only where the preprocessor gets there.
+                lines.append(f"#error this build has no <{match[2]}>: give its Features one")
+                continue
+            if match[2]:
+                target = folder / "include" / features.parts[match[2]].header
+            else:
+                target = find(match[1], path.parent)
             if target is None:
                 raise KernelBuildError(
                     f"{place}: #include {match[1]!r} is not found beside it, in {folder} or in its "
