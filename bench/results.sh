@@ -6,19 +6,23 @@
 #     fibre_truth 3   medulla_tables 2   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
-# Real grooms are measured where their folder, GROOMS, is there. BIN: where furcl and python are.
+# Real grooms, the .hair files of the folder GROOMS, are measured where it is there; out/grooms points
+# to them. BIN: where furcl and python are.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
 real_grooms=${GROOMS:-../shared/data/hair}
 all="intersect stages convergence features start stability peers fibre_truth medulla_tables docs"
 device=portable quick= out=bench/results kinds=
+
+refuse() { echo "results.sh: $1" >&2 && exit 2; }
+
 while [ $# -gt 0 ]; do
     case $1 in
         --quick) quick=yes out=out/results ;;
-        --device) device=${2:?--device needs a name} && shift ;;
-        -*) echo "results.sh: $1 is not an option; allowed are --device D and --quick" >&2 && exit 2 ;;
-        *) [[ " $all " == *" $1 "* ]] || { echo "results.sh: no kind $1; there are $all" >&2 && exit 2; }
+        --device) [ $# -gt 1 ] || refuse "--device needs a name" && device=$2 && shift ;;
+        -*) refuse "$1 is not an option; allowed are --device D and --quick" ;;
+        *) [[ " $all " == *" $1 "* ]] || refuse "no kind $1; there are $all"
             kinds+=" $1" ;;
     esac
     shift
@@ -47,9 +51,12 @@ script() { # NAME ARGUMENTS...: a script of this folder
 
 intersect() { # rays beside Embree
     local groom
-    for groom in $(pick "hair:10000 hair:150000 hair:700000 fur:700000" hair:1000) \
-        $(pick "$real_grooms/*.hair" ""); do
-        [[ $groom == *:* || -e $groom ]] || { echo "no $groom" >&2 && continue; }
+    mkdir -p out/grooms
+    for groom in "$real_grooms"/*.hair; do
+        if [ -e "$groom" ]; then ln -sf "$(realpath "$groom")" out/grooms/; else echo "no $groom" >&2; fi
+    done
+    for groom in $(pick "hair:10000 hair:150000 hair:700000 fur:700000" hair:1000) out/grooms/*.hair; do
+        [[ $groom == *:* || -e $groom ]] || continue
         run intersect "$name-$(basename "${groom//:/-}" .hair)" "$groom" $(pick "--rounds 9" "--rounds 1 --size 32")
     done
 }
