@@ -54,12 +54,9 @@ def stages() -> str:
                         row["stage"],
                         f"{row['share']:.1%}",
                         f"{row['million_per_second']:.1f} {row['counts'].replace('_', ' ')}",
-                        str(row["bytes_per_item"]),
-                        f"{row['gb_per_second']:.2f}",
                     ]
                 )
-    columns = ["device", "scene", "kernel", "share", "million/s", "bytes each", "GB/s"]
-    return table(columns, rows)
+    return table(["device", "scene", "kernel", "share", "million/s"], rows)
 
 
 def peers() -> str:
