@@ -15,7 +15,7 @@ DEGREES = (0, 60)  # inclinations of the table of limits
 
 def value(found: float | Sequence[float]) -> str:
     """One number, or three that are not all equal."""
-    numbers = [found] if isinstance(found, float) else list(dict.fromkeys(found))
+    numbers = dict.fromkeys(found if isinstance(found, Sequence) else (found,))
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
