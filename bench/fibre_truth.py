@@ -9,16 +9,13 @@ simulated profiles. R, TT and TRT must agree; for the scattered lobes the differ
 result: the model lets scattered light out without refraction, without reflection at the cuticle and
 through a radial stretch of cortex.
 
-Writes fibre_truth.json and fibre_truth.md into the folder given by -o.
+Writes fibre_truth.json into the folder given by -o, of which docs_tables.py makes the table of
+docs/model.md.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
-import json
-import shlex
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -27,27 +24,13 @@ import numpy as np
 from fibre_walk import CLASSES, PHI_BINS, S_BINS, Truth, simulate
 
 from furcl import bcsdf
+from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import open_device
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 SCATTERED = slice(4, 7)
-HEAD = """\
-# One smooth fibre: model against brute force
-
-Energy per unit of light on the fibre, mean of the channels; truth / model. TTs, TRTs: scattered for
-the first time on the first, second crossing. Residual: all light of two or more inner reflections
-before that, scattered or not. Direct: the part of the true TTs that leaves at its first arrival at
-the surface; the model treats all of it so. Forward: share of the scattered light that goes on
-(|phi| > 90 degrees). Mean s: its mean sin(theta_o). Distance: half the L1 difference of the
-distributions of scattered light over (s, phi), and over phi and s alone; 0 is the same, 1 disjoint.
-R, TT, TRT: largest relative difference in any channel.
-"""
-COLUMNS = (
-    "| preset | theta | R, TT, TRT | TTs | TRTs | residual | albedo | direct | forward | mean s "
-    "| distance (phi, s) |"
-)
 
 
 def model_density(fibre: Fibre, theta: float, profiles: MedullaProfiles | None) -> np.ndarray:
@@ -125,42 +108,7 @@ def _compare_shapes(
     }
 
 
-def table(results: dict[str, list[dict]], header: str) -> str:
-    """The Markdown page."""
-    lines = [HEAD, header, "", COLUMNS, "|---" * (COLUMNS.count("|") - 1) + "|"]
-    for name, rows in results.items():
-        for r in rows:
-            t, m, shape = r["truth"], r["model"], r["shape"]
-            a, b = shape["truth"], shape["model"]
-            cells = [
-                name,
-                f"{r['theta_deg']:g}",
-                f"{100 * r['unscattered_worst']:.3f} %",
-                f"{t['TTs']:.4f} / {m['TTs']:.4f}",
-                f"{t['TRTs']:.4f} / {m['TRTs']:.4f}",
-                f"{t['TRRT+'] + t['TRRTs+']:.5f} / {m[bcsdf.RESIDUAL]:.5f}",
-                f"{r['truth_albedo']:.4f} / {r['model_albedo']:.4f}",
-                f"{100 * r['truth_direct']['TTs'] / t['TTs']:.0f} %",
-                f"{a['forward']:.3f} / {b['forward']:.3f}",
-                f"{a['mean_s']:+.3f} / {b['mean_s']:+.3f}",
-                f"{shape['distance']:.3f} ({shape['distance_phi']:.3f}, {shape['distance_s']:.3f})",
-            ]
-            lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def _commit() -> str:
-    done = subprocess.run(
-        ["git", "describe", "--always", "--dirty"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return done.stdout.strip() or "unknown"
-
-
-def main(arguments: list[str] | None = None) -> None:
+def main() -> None:
     """Run the comparison and write its results."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent / "results")
@@ -169,7 +117,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--photons", type=int, default=200_000, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
     parser.add_argument("--device", default="", help="as for furcl render")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     device = open_device(options.device or None)
     started = time.perf_counter()
     results: dict[str, list[dict]] = {}
@@ -181,25 +129,14 @@ def main(arguments: list[str] | None = None) -> None:
             for degrees in options.theta
         ]
         print(f"{name}: {time.perf_counter() - started:.0f} s", file=sys.stderr)
-    given = sys.argv[1:] if arguments is None else arguments
-    command = shlex.join(["python", "bench/fibre_truth.py", *given])
-    options.output.mkdir(parents=True, exist_ok=True)
-    page = table(results, f"`{command}`: {options.photons} photons a row, seed {options.seed}.")
-    (options.output / "fibre_truth.md").write_text(page, encoding="utf-8")
     record = {
-        "command": command,
-        "commit": _commit(),
+        **circumstances(device),
         "photons": options.photons,
         "seed": options.seed,
-        "device": f"{device.name} ({device.driver_version})",
-        "versions": {n: importlib.metadata.version(n) for n in ("numpy", "numba", "scipy")},
-        "seconds": round(time.perf_counter() - started, 1),
         "classes": CLASSES,
         "results": results,
     }
-    text = json.dumps(record, indent=1) + "\n"
-    (options.output / "fibre_truth.json").write_text(text, encoding="utf-8")
-    print(page, end="")
+    write_json(record, options.output / "fibre_truth.json")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Time, size and noise of the medulla profiles of every preset: bench/results/medulla_tables.json.
+"""Time, size and noise of the medulla profiles of presets, and the lobe shares that they give.
 
-    python bench/medulla_tables.py [--device D] [--plot DIR] [PRESET...]
+    python bench/medulla_tables.py [-o bench/results] [--device D] [--plot DIR] [PRESET...]
 
 Cold is the first call in a fresh process with empty caches (furcl's and PoCL's), kernel compilation
-included; warm the first call in another process with furcl's cache filled.
+included; warm the first call in another process with furcl's cache filled. Writes
+medulla_tables.json into the folder given by -o.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shlex
 import subprocess
 import sys
 import tempfile
@@ -20,19 +20,20 @@ from pathlib import Path
 
 import numpy as np
 
+from furcl import bcsdf
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import Device, open_device
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
 
-PRESETS = ("human-white", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
-RESULTS = Path(__file__).parent / "results" / "medulla_tables.json"
+PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 
 
 def measure(device: Device, preset: str) -> dict:
     """One call of `build_profiles` and what it gave."""
+    fibre = Fibre.preset(preset)
     wall, cpu = time.perf_counter(), time.process_time()
-    profiles = build_profiles(device, Fibre.preset(preset))
+    profiles = build_profiles(device, fibre)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     assert profiles is not None
     return {
@@ -42,6 +43,7 @@ def measure(device: Device, preset: str) -> dict:
         "photons": profiles.photons,
         "largest_relative_error": round(profiles.relative_error, 5),
         "given_up": profiles.given_up,
+        "lobe_shares": bcsdf.lobe_shares(fibre, profiles),
     }
 
 
@@ -88,6 +90,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("presets", nargs="*", default=PRESETS)
     parser.add_argument("--device", default="")
+    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent / "results")
     parser.add_argument("--plot", type=Path, help="folder for PNG files")
     parser.add_argument("--only", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -95,10 +98,8 @@ def main() -> None:
     if arguments.only:
         print(json.dumps(measure(device, arguments.only)))
         return
-    command = "python " + shlex.join(sys.argv)
     record = {
         **circumstances(device),
-        "command": command,
         "load_average": os.getloadavg()[0],
         "presets": {},
     }
@@ -112,7 +113,7 @@ def main() -> None:
             profiles = build_profiles(device, Fibre.preset(preset))
             assert profiles is not None
             plot(profiles, preset, arguments.plot)
-    write_json(record, RESULTS)
+    write_json(record, arguments.output / "medulla_tables.json")
 
 
 if __name__ == "__main__":

@@ -1,27 +1,26 @@
 """Render the grooms that other renderers were measured on, and write paths and rays a second.
 
-python bench/peers.py FOLDER -o bench/results/peers/pocl [--device D] [--spp 256]
-
-FOLDER holds hair10k.npz and fur100k.npz, each with points, radii, offsets and `scene`, a JSON text
-with camera, environment, scalp and fibre. furcl needs neither the folder nor the grooms elsewhere.
+python bench/peers.py -o bench/results/peers/portable [--device D] [--spp 256]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from peer_grooms import GROOMS, facts, grow
 
 from furcl.bench.record import circumstances, write_json
 from furcl.bench.stages import measure
 from furcl.device.choice import open_device
+from furcl.groom.formats import save_curves
 from furcl.scene.read import decode_scene
 from furcl.scene.tables import Scene
 
-GROOMS = ("hair10k", "fur100k")
+ROUGHNESS = 0.3  # beta_m and beta_n of the peers' fibres
 
 # Light found by fibres alone, and by a light sample at every vertex as well: the peers' way.
 LIGHT_SAMPLING = ("bcsdf", "mis")
@@ -38,34 +37,25 @@ def azimuthal_deg(beta_n: float) -> float:
     return float(np.rad2deg(scale * np.pi / np.sqrt(3)))
 
 
-def peer_scene(groom: Path, light_sampling: str) -> Scene:
-    """The scene of a groom file as near to the peers' as a scene of furcl can be.
+def peer_scene(name: str, groom: Path, light_sampling: str) -> Scene:
+    """The scene around a groom file, as near to the peers' as a scene of furcl can be.
 
     128 x 128 pixels, 16 bounces, no roulette, constant light; fibres without a medulla and with the
     lobe of longer paths; the scalp is a diffuse sphere.
     """
-    with np.load(groom) as file:
-        facts = json.loads(str(file["scene"]))
-    fibre, scalp = facts["fibre"], facts["scalp"]
     return decode_scene(
         {
-            "name": groom.stem,
+            "name": name,
             "film": {"width": 128, "height": 128},
-            "camera": facts["camera"],
+            **facts(name),
             "fibre": {
-                "eta": fibre["ior"],
-                "alpha_deg": fibre["tilt_deg"],
-                "beta_m_deg": longitudinal_deg(fibre["beta_m"]),
-                "beta_n_deg": azimuthal_deg(fibre["beta_n"]),
-                "sigma_ca": fibre["sigma_a"],
+                "eta": 1.55,
+                "alpha_deg": 2.0,
+                "beta_m_deg": longitudinal_deg(ROUGHNESS),
+                "beta_n_deg": azimuthal_deg(ROUGHNESS),
+                "sigma_ca": [0.126, 0.209, 0.411],
             },
-            "environment": {"kind": "constant", "radiance": facts["environment"]},
             "curves": {"generator": "file", "file": str(groom.resolve())},
-            "body": {
-                "centre": scalp["center"],
-                "radii": [scalp["radius"]] * 3,
-                "albedo": scalp["albedo"],
-            },
             "render": {
                 "max_depth": 16,
                 "roulette_depth": 16,
@@ -73,17 +63,20 @@ def peer_scene(groom: Path, light_sampling: str) -> Scene:
                 "residual": True,
             },
         },
-        groom.stem,
+        name,
     )
 
 
-def run(folder: Path, device: str | None, spp: int, rounds: int) -> dict[str, Any]:
+def run(
+    folder: Path, device: str | None, spp: int, rounds: int, n_strands: int | None
+) -> dict[str, Any]:
     """Measure every groom in both ways of finding light; rows of `furcl.bench.stages.measure`."""
     opened = open_device(device)
     rows = []
     for name in GROOMS:
+        save_curves(grow(name, n_strands), folder / f"{name}.npz")
         for light_sampling in LIGHT_SAMPLING:
-            scene = peer_scene(folder / f"{name}.npz", light_sampling)
+            scene = peer_scene(name, folder / f"{name}.npz", light_sampling)
             row = measure(scene, opened, spp, rounds)
             rows.append({"light_sampling": light_sampling, **row})
             print(
@@ -94,12 +87,13 @@ def run(folder: Path, device: str | None, spp: int, rounds: int) -> dict[str, An
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path, help="with hair10k.npz and fur100k.npz")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--device")
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--rounds", type=int, default=1)
+    parser.add_argument("--strands", type=int, help="thin the grooms")
     given = parser.parse_args()
-    results = run(given.folder, given.device, given.spp, given.rounds)
+    with tempfile.TemporaryDirectory() as folder:
+        results = run(Path(folder), given.device, given.spp, given.rounds, given.strands)
     write_json(results, given.output / "results.json")

@@ -1,12 +1,9 @@
 """`furcl bench stages` and `furcl bench waves` on a small scene."""
 
 import json
-from pathlib import Path
 
 import pytest
-import render_tables
 from furcl.bench.stage_bytes import bytes_per_item, functions
-from results_tables import filled
 from scene_documents import fur_patch
 
 from furcl.bench import stages, waves
@@ -64,11 +61,6 @@ def test_every_stage_is_timed_and_counted(results):
         assert 0.0 < scene["end_to_end"] <= 1.0 - scene["launch_overhead"]
         ratio = scene["mrays_s"] / scene["intersect_mrays_s"]
         assert scene["end_to_end"] == pytest.approx(ratio)
-
-
-def test_tables_in_the_documents_are_those_of_the_runs():
-    text = (Path(__file__).parents[1] / "docs" / "performance.md").read_text()
-    assert filled(text, render_tables.TABLES) == text
 
 
 def test_wave_sizes_are_compared_with_the_first(device, scene, tmp_path):

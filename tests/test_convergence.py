@@ -336,15 +336,6 @@ def test_intervals_in_words():
     assert interval(None) == "-"
 
 
-def test_tables_in_the_documents_are_those_of_the_runs():
-    import results_tables
-
-    if not (results_tables.FOLDER / "scenes" / "results.json").exists():
-        pytest.skip("no results are committed")
-    text = (Path(__file__).parents[1] / "docs" / "results.md").read_text()
-    assert results_tables.filled(text, results_tables.TABLES) == text
-
-
 def test_report_of_nothing_is_refused(tmp_path):
     with pytest.raises(BenchError, match=r"results\.json: cannot be read"):
         write_report(tmp_path)

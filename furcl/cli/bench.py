@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from furcl.cli.bench_convergence import convergence
+from furcl.cli.bench_report import report
 from furcl.cli.bench_stability import replay, stability
 from furcl.cli.bench_stages import stages, waves
 from furcl.cli.bench_start import start
@@ -57,6 +58,7 @@ app.command()(convergence)
 app.command()(stability)
 app.command()(replay)
 app.command()(start)
+app.command()(report)
 
 
 @app.command()

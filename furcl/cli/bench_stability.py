@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import time
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -26,13 +25,10 @@ def stability(
     renders: Annotated[bool, typer.Option(help="Also render the scenes of scenes/extreme.")] = True,
     seed: Annotated[int, typer.Option(help="Of fibres, points and random numbers.")] = 1,
     device: DeviceName = None,
-    numerics: Annotated[
-        Path | None, typer.Option(help="Also write the table of docs/numerics.md to this file.")
-    ] = None,
 ) -> None:
     """Compare the device with float64 at the ends of all ranges, and render stiff scenes."""
     from furcl.bench import stability as bench
-    from furcl.report.stability import write_numerics, write_report
+    from furcl.report.stability import write_report
 
     results = bench.run(
         output, device=device, quick=quick, n_points=points, renders=renders, seed=seed,
@@ -40,8 +36,6 @@ def stability(
     )  # fmt: skip
     print_stability(results)
     log.info("wrote %s and results.json", write_report(output))
-    if numerics:
-        write_numerics(results, numerics)
     if not results["passed"]:
         raise typer.Exit(1)
 

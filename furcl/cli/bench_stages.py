@@ -34,9 +34,8 @@ def stages(
         wave_size=wave_size,
         overrides=overrides or (),
     )
-    keys = ["stage", "launches", "ms", "share", "million_per_second", "counts", "bytes_per_item",
-            "gb_per_second"]  # fmt: skip
-    columns = ["kernel", "launches", "ms", "share", "million/s", "of", "bytes each", "GB/s"]
+    keys = ["stage", "launches", "ms", "share", "million_per_second", "counts"]
+    columns = ["kernel", "launches", "ms", "share", "million/s", "of"]
     for scene in results["scenes"]:
         print(f"{scene['scene']}: waves of {scene['wave_size']} ({scene['wave_size_from']})")
         print_table(columns, [[row[key] for key in keys] for row in scene["stages"]])

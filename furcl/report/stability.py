@@ -1,16 +1,10 @@
-"""The page of a stability run and the tables of docs/numerics.md."""
+"""The page of a stability run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-from furcl.errors import BenchError
-from furcl.files import atomic_path
-
-BEGIN = "<!-- written by `furcl bench stability --numerics`: begin -->"
-END = "<!-- end -->"
 
 
 def write_report(folder: str | Path) -> Path:
@@ -77,79 +71,3 @@ def _draw(parameters: list[Mapping[str, Any]]) -> str:
 
 def _label(value: float | list[float]) -> str:
     return "rgb" if isinstance(value, list) else f"{value:.7g}"
-
-
-def write_numerics(results: Mapping[str, Any], path: str | Path) -> None:
-    """Replace the part of a Markdown file between the marks BEGIN and END by the run's tables.
-
-    Raises
-    ------
-    BenchError      a file without the marks
-    """
-    path = Path(path)
-    text = path.read_text()
-    if BEGIN not in text or END not in text:
-        raise BenchError(f"{path}: has no lines {BEGIN!r} and {END!r}; add them where tables go")
-    before, rest = text.split(BEGIN, 1)
-    after = rest.split(END, 1)[1]
-    with atomic_path(path) as temporary:
-        temporary.write_text(f"{before}{BEGIN}\n{_tables(results)}{END}{after}")
-
-
-def _weights(results: Mapping[str, Any]) -> list[str]:
-    """Largest weights by lobe and sampler, and by region."""
-    found = (
-        f"{r['quantity'].replace('sample weight', '').strip(' ()') or 'full-cdf'} {r['lobe']} "
-        f"{number(r['max_absolute'])}"
-        for r in results["rows"]
-        if r["quantity"].startswith("sample weight")
-    )
-    lines = [
-        "",
-        f"Largest sample weights, mean of the channels: {', '.join(found)}.",
-        "",
-        "| eta | \\|theta\\| [deg] | samples | largest weight | over the energy | float64 |",
-        "|---|---|--:|--:|--:|--:|",
-    ]
-    for r in results["weights"]:
-        eta, degrees = (f"{r[name][0]:g} to {r[name][1]:g}" for name in ("eta", "degrees"))
-        cells = " | ".join(number(r[name]) for name in ("weight", "ratio", "bin_ratio"))
-        lines.append(f"| {eta} | {degrees} | {r['samples']:,} | {cells} |")
-    return lines
-
-
-def _tables(results: Mapping[str, Any]) -> str:
-    device = results["device"]
-    run = (
-        f"`{results['command']}`, {results['date']}, commit {results.get('git', 'unknown')}; "
-        f"{device['name']}, {device['platform']}, driver {device['driver']}; "
-        f"{results['random_points']:,} random points besides the grid."
-    )
-    head = (
-        "| quantity | lobe | points | NaN, inf, < 0 | abs. error | rel. error | within the bars | "
-        "1 ulp of the inputs at the worst point | error / allowed |"
-    )
-    lines = ["", run, "", head, "|---|---|--:|--:|--:|--:|--:|--:|--:|"]
-    for r in results["rows"]:
-        share = f"{r['within_bars'] / r['points']:.3%}" if r["within_bars"] else ""
-        bad = r["nan"] + r["inf"] + r["negative"]
-        cells = [r["max_absolute"], r["max_relative"]]
-        lines.append(
-            f"| {r['quantity']} | {r['lobe']} | {r['points']:,} | {bad} | "
-            + " | ".join(number(c) if c else "" for c in cells)
-            + f" | {share} | {number(r['conditioning']) if r['conditioning'] else ''} | "
-            f"{number(r['excess'])} |"
-        )
-    lines += _weights(results)
-    if results["renders"]:
-        lines += [
-            "",
-            "| scene | largest pixel | nonfinite | energy | p against the host | bias seen |",
-            "|---|--:|--:|--:|--:|--:|",
-        ]
-        lines += [
-            f"| {r['scene']} | {number(r['largest'])} | {r['nonfinite']} | "
-            f"{number(r['energy'])} | {number(r['p'])} | {number(r['detects'])} |"
-            for r in results["renders"]
-        ]
-    return "\n".join([*lines, "", ""])

@@ -1,0 +1,34 @@
+"""Write the tables of docs/ anew from bench/results and the presets, between their marks.
+
+python bench/docs_tables.py [DOCUMENT...]       all documents, or those named: performance.md
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import convergence_tables
+import intersect_tables
+import model_tables
+import render_tables
+import stability_tables
+from tables import filled
+
+DOCS = Path(__file__).parents[1] / "docs"
+DOCUMENTS = {
+    "model.md": model_tables.TABLES,
+    "performance.md": intersect_tables.TABLES | render_tables.TABLES,
+    "results.md": convergence_tables.TABLES,
+    "numerics.md": stability_tables.TABLES,
+}
+
+
+def written(name: str) -> str:
+    """A document of docs/ with its tables made anew."""
+    return filled((DOCS / name).read_text(), DOCUMENTS[name])
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or DOCUMENTS:
+        (DOCS / name).write_text(written(name))

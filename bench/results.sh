@@ -1,0 +1,122 @@
+#!/usr/bin/env bash
+# The runs behind docs/: all kinds, or those named, one after the other on a quiet machine.
+#     bash bench/results.sh [KIND...] [--device D] [--quick]
+# Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
+#     intersect 3   stages 1   convergence 13   features 3   start 1   stability 2   peers 1
+#     fibre_truth 3   medulla_tables 2   docs 0
+# A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
+# the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
+# Real grooms, the .hair files of the folder GROOMS, are measured where it is there; out/grooms points
+# to them. BIN: where furcl and python are.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+bin=${BIN:-.venv/bin}
+real_grooms=${GROOMS:-../shared/data/hair}
+all="intersect stages convergence features start stability peers fibre_truth medulla_tables docs"
+device=portable quick= out=bench/results kinds=
+
+refuse() { echo "results.sh: $1" >&2 && exit 2; }
+
+while [ $# -gt 0 ]; do
+    case $1 in
+        --quick) quick=yes out=out/results ;;
+        --device) [ $# -gt 1 ] || refuse "--device needs a name" && device=$2 && shift ;;
+        -*) refuse "$1 is not an option; allowed are --device D and --quick" ;;
+        *) [[ " $all " == *" $1 "* ]] || refuse "no kind $1; there are $all"
+            kinds+=" $1" ;;
+    esac
+    shift
+done
+name=${device// /-} # of folders that differ by device
+
+pick() { if [ "$quick" ]; then echo "$2"; else echo "$1"; fi; }
+
+timed() { # LABEL COMMAND...: run it, print and keep its seconds
+    local label=$1 start=$SECONDS
+    shift
+    echo "== $label" >&2
+    mkdir -p "$out"
+    "$@"
+    echo "$label: $((SECONDS - start)) s" | tee -a "$out/times.txt" >&2
+}
+
+run() { # KIND FOLDER ARGUMENTS...: a benchmark of furcl
+    local folder="$1${2:+/$2}"
+    timed "$folder" "$bin/furcl" -q bench "$1" "${@:3}" --device "$device" -o "$out/$folder"
+}
+
+script() { # NAME ARGUMENTS...: a script of this folder
+    timed "$1" "$bin/python" "bench/$1.py" "${@:2}" --device "$device"
+}
+
+intersect() { # rays beside Embree
+    local groom
+    mkdir -p out/grooms
+    for groom in "$real_grooms"/*.hair; do
+        if [ -e "$groom" ]; then ln -sf "$(realpath "$groom")" out/grooms/; else echo "no $groom" >&2; fi
+    done
+    for groom in $(pick "hair:10000 hair:150000 hair:700000 fur:700000" hair:1000) out/grooms/*.hair; do
+        [[ $groom == *:* || -e $groom ]] || continue
+        run intersect "$name-$(basename "${groom//:/-}" .hair)" "$groom" $(pick "--rounds 9" "--rounds 1 --size 32")
+    done
+}
+
+stages() { # where the time of renders goes
+    run stages "$name" black_hair white_hair raccoon \
+        $(pick "--spp 8 --rounds 3" "--spp 1 --set film.width=16 --set film.height=16")
+}
+
+convergence() { # error against time
+    local paper small single fibre
+    paper=$(pick "--size 128x128 --spp 16,32,64,128 --reference-spp 1024" "--quick --size 8x8 --runs 2")
+    small=$(pick "--size 48x48 --spp 16,32,64 --reference-spp 512" "--quick --size 8x8 --runs 2")
+    single=$(pick "--size 24x24 --spp 16,32,64,128" "--quick --size 8x8 --runs 2")
+    # The paper's three scenes: its figures 10-12 and tables 2-7.
+    run convergence scenes black_hair white_hair raccoon $paper
+    # Black hair in other light.
+    run convergence black-hair-constant black_hair $small --set 'environment={kind="constant"}'
+    run convergence black-hair-back-light black_hair $small \
+        --set environment.sun_azimuth_deg=-155 --set environment.sun_scale=3
+    # One fibre that fills the picture in even light: nothing hides the light, what is left is the
+    # spread of the weights.
+    for fibre in human-black human-white raccoon; do
+        run convergence "single-fibre-$fibre" single_fibre $single \
+            --set camera.vfov_deg=2 --set fibre.preset=$fibre
+    done
+}
+
+features() { # what leaving out buys
+    local size
+    size=$(pick "--size 256x256 --spp 2 --rounds 7" "--size 8x8 --spp 1 --rounds 1")
+    run features scenes $(pick "black_hair white_hair raccoon red_fox single_fibre furnace" single_fibre) $size
+    run features black-hair-grey $(pick black_hair single_fibre) $size \
+        --set fibre.kappa=0 --set 'environment={kind="constant"}'
+}
+
+start() { # time to first samples
+    run start "$name" $(pick "black_hair --runs 9" "single_fibre --runs 1 --size 16x16")
+}
+
+stability() { # float32 at all edges
+    run stability "" --quick $(pick "" "--points 2000 --no-renders")
+}
+
+peers() { # the grooms that other renderers were measured on
+    script peers -o "$out/peers/$name" $(pick "--spp 16 --rounds 3" "--spp 1 --strands 100")
+}
+
+fibre_truth() { # the model beside brute force
+    script fibre_truth -o "$out" $(pick "" "--presets raccoon --theta 60 --photons 1000")
+}
+
+medulla_tables() { # simulated profiles of presets, and lobe shares
+    script medulla_tables -o "$out" $(pick "" raccoon)
+}
+
+docs() {
+    if [ ! "$quick" ]; then "$bin/python" bench/docs_tables.py; fi
+}
+
+for kind in ${kinds:-$all}; do
+    "$kind"
+done

@@ -1,0 +1,24 @@
+"""`furcl bench report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    folders: Annotated[
+        list[Path], typer.Argument(help="Folders of results; those inside are found.")
+    ],
+) -> None:
+    """Make the pages and plots of convergence and stability anew from their results.json.
+
+    Crops need the run's images/ too; without them a page has none.
+    """
+    from furcl.report.pages import write_pages
+
+    for folder in folders:
+        for page in write_pages(folder):
+            typer.echo(page)

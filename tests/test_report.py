@@ -1,0 +1,58 @@
+"""Pages are made anew from the results that are kept."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from furcl.cli.bench import app
+from furcl.errors import BenchError
+from furcl.report.pages import write_pages
+
+RESULTS = Path(__file__).parents[1] / "bench" / "results"
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Path:
+    """Results of three benchmarks, two of which have pages."""
+    if not RESULTS.is_dir():
+        pytest.skip("bench/ is not in a source distribution")
+    for name in ("stability", "convergence/single-fibre-raccoon", "start/portable"):
+        (tmp_path / name).mkdir(parents=True)
+        shutil.copy(RESULTS / name / "results.json", tmp_path / name)
+    return tmp_path
+
+
+def test_pages_of_all_results_in_a_folder(kept):
+    pages = write_pages(kept)
+    folders = ("convergence/single-fibre-raccoon", "stability")
+    assert pages == [kept / folder / "index.html" for folder in folders]
+    assert not (kept / "start" / "portable" / "index.html").exists()
+    text = pages[0].read_text()
+    assert "attenuation-cdf" in text
+    assert text.count("data:image/svg+xml;base64,") == 1
+    assert "data:image/png" not in text  # no crops without the images of the run
+    assert pages[1].read_text().count("<svg") == 1
+
+
+def test_the_command_names_the_pages(kept):
+    result = CliRunner().invoke(app, ["report", str(kept / "stability")])
+    assert result.stdout.split() == [str(kept / "stability" / "index.html")]
+
+
+@pytest.mark.parametrize("text", [None, '{"schema": "other-1"}'])
+def test_nothing_to_make_a_page_of_is_an_error(tmp_path, text):
+    if text:
+        (tmp_path / "results.json").write_text(text)
+    with pytest.raises(BenchError, match="holds no results of `furcl bench convergence`"):
+        write_pages(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["{", "[]"])
+def test_damaged_results_are_an_error(tmp_path, text):
+    (tmp_path / "results.json").write_text(text)
+    with pytest.raises(BenchError, match=r"results\.json: cannot be read"):
+        write_pages(tmp_path)
