@@ -117,8 +117,8 @@ MUTANTS = {
         "attenuation_bins", "include/profiles.clh", "r->row[i], PROFILE_ROWS) * FURCL_PROFILE_CH",
     ),
     "texel of the light": (
-        "include/environment.clh", "clamp((int)y0, 0, height - 1)", "(int)y0 + height",
-        "shade_escaped", "include/environment.clh", "ENV_INDEX(top,",
+        "include/light/image.clh", "clamp((int)y0, 0, height - 1)", "(int)y0 + height",
+        "shade_escaped", "include/light/image.clh", "image_record(light), top,",
     ),
     "sum of the film": (
         "stages/film.cl", "(pixel * FILM_SPECTRA", "(9999u + pixel * FILM_SPECTRA",
