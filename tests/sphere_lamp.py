@@ -81,7 +81,7 @@ class SphereLamp(Light):
     def _seen(self, points: Array, n: int) -> tuple[Array, Array, Array]:
         """Direction (n, 3) and distance (n,) of the centre, 1 - cos of the angular radius (n,)."""
         to_centre = np.broadcast_to(self.centre - points, (n, 3))
-        distance = np.linalg.norm(to_centre, axis=1)
+        distance = np.maximum(np.linalg.norm(to_centre, axis=1), 1e-18)
         sine = np.minimum(self.radius / distance, 1.0)
         versine = np.where(sine < 1.0, sine**2 / (1.0 + np.sqrt(1.0 - sine**2)), 0.0)
         return to_centre / distance[:, None], distance, versine
@@ -101,3 +101,18 @@ def registered_lamp() -> Iterator[None]:
         yield
     finally:
         kinds.unregister("sphere")
+
+
+SPHERE = {"kind": "sphere", "centre": [0.5, -2.0, 1.5], "radius": 0.4, "radiance": [1, 2, 3]}
+
+
+def lit_fibre(environment, **render):
+    """A short fibre that fills the picture from far away, and the light on it."""
+    return {
+        "film": {"width": 4, "height": 4, "filter": "box"},
+        "camera": {"origin": [0, -200, 0], "target": [0, 0, 0], "vfov_deg": 0.1},
+        "fibre": {"preset": "human-white", "kappa": 0.0, "beta_m_deg": 20.0, "beta_n_deg": 30.0},
+        "environment": environment,
+        "curves": {"generator": "fibre", "axis": "x", "radius": 0.2, "length": 2.0},
+        "render": {"max_depth": 1, **render},
+    }  # fmt: skip

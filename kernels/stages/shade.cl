@@ -37,7 +37,7 @@ static inline void add_light_sample(
     for (uint p = 0; p < FURCL_LOBES; p++) {
         if (!lobe_exists(p)) continue;
         const LobeTerms terms = lobe_terms(p, fibre, b, w.x, w.y, w.z);
-        scattered += terms.value / (density_h * sample.pdf + joints[p] * terms.pdf);
+        scattered += terms.value / (density_h * sample.pdf + rival_density(joints[p] * terms.pdf));
     }
     bounce->light = sample.pdf > 0.0f ? scattered * spectrum_from3(sample.radiance) : spectrum(0.0f);
 }

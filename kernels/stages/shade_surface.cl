@@ -25,7 +25,7 @@ static inline Bounce scatter_at_surface(
     bounce.light_skip_distance = 0.0f;
     const float towards = diffuse_pdf(at->normal, sample.direction);
     bounce.light = towards > 0.0f && sample.pdf > 0.0f
-        ? at->albedo * towards / (towards + sample.pdf) * spectrum_from3(sample.radiance)
+        ? at->albedo * towards / (rival_density(towards) + sample.pdf) * spectrum_from3(sample.radiance)
         : spectrum(0.0f);
 #endif
     return bounce;
