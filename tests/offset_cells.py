@@ -46,10 +46,10 @@ def integrals(densities: Callable[[np.ndarray, float], np.ndarray]) -> np.ndarra
     grid_phi, grid_s = (g.ravel() for g in np.meshgrid(phi, s, indexing="ij"))
     c = np.sqrt((1 - grid_s) * (1 + grid_s))
     wi = np.stack([grid_s, c * np.cos(grid_phi), c * np.sin(grid_phi)], 1)
-    total = 0.0
+    parts = []
     for offset in (np.arange(n_h) + 0.5) / n_h:
         at = cell(np.full(len(wi), offset), grid_phi, grid_s)
         rows = densities(wi, float(offset))
-        total = total + np.stack([np.bincount(at, row, minlength=N_CELLS) for row in rows])
+        parts.append([np.bincount(at, row, minlength=N_CELLS) for row in rows])
     # Both signs of h fold into one cell.
-    return total * (2.0 / n_h) * (2 * np.pi / n_phi) * (2 / n_s)
+    return np.sum(parts, axis=0) * (2.0 / n_h) * (2 * np.pi / n_phi) * (2 / n_s)

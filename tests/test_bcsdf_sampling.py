@@ -1,5 +1,8 @@
 """The float64 samplers: their joint density, weights, means and chi-square, each with a mutant."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 from direction_statistics import chi_square_p, sidak
@@ -211,7 +214,7 @@ def test_narrow_lobes_are_drawn_around_their_centre(
 @pytest.mark.parametrize("sampling", bcsdf.SAMPLING)
 def test_a_fibre_that_returns_nothing(sampling: str) -> None:
     """No reflection and an opaque cortex: no lobe, no direction, no weight."""
-    fibre = Fibre(layers=0.0, sigma_ca=1e4)
+    fibre = Fibre(layers=0.0, sigma_ca=(1e4, 1e4, 1e4))
     drawn = bcsdf.sample(fibre, [0.0, 1.0, 0.0], 50, sampling=sampling, rng=1)
     none = drawn.lobe == 5
     assert none.sum() > 40  # h uniform may meet the rim
@@ -245,32 +248,31 @@ PROFILES = smooth_profiles()
 
 
 @pytest.mark.parametrize(
-    "call",
+    ("arguments", "keywords"),
     [
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, "TTs", PROFILES, "full-cdf"),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, "TTs", PROFILES, sampling="full-cdf"),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, "TTs", PROFILES),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, "TTs", profiles=PROFILES),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, "TTs", sampling="uniform-h"),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, 3, sampling="uniform-h"),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, "R"),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, lobe="R"),
-        lambda: bcsdf.pdf(MODERATE, WO, WI, 0.2, lobe="R", sampling="full-cdf"),
-        lambda: bcsdf.pdf(
-            MODERATE, WO, WI, 0.2, lobe="R", profiles=PROFILES, sampling="full-cdf"
-        ),
+        (("TTs", PROFILES, "full-cdf"), {}),
+        (("TTs", PROFILES), {"sampling": "full-cdf"}),
+        (("TTs", PROFILES), {}),
+        (("TTs",), {"profiles": PROFILES}),
+        (("TTs",), {"sampling": "uniform-h"}),
+        ((3,), {"sampling": "uniform-h"}),
+        (("R",), {}),
+        ((), {"lobe": "R"}),
+        ((), {"lobe": "R", "sampling": "full-cdf"}),
+        ((), {"lobe": "R", "profiles": PROFILES, "sampling": "full-cdf"}),
     ],
-)  # fmt: skip
-def test_calls_for_the_density_of_a_direction_fail(call) -> None:
+)
+def test_calls_for_the_density_of_a_direction_fail(arguments: tuple, keywords: dict) -> None:
     """pdf(fibre, wo, wi, h, lobe, profiles, sampling) asks for `direction_pdf`, in every form."""
+    pdf: Callable[..., Any] = bcsdf.pdf
     with pytest.raises((TypeError, FibreError)):
-        call()
+        pdf(MODERATE, WO, WI, 0.2, *arguments, **keywords)
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: bcsdf.sample(MODERATE, WO, PROFILES, sampling="full-cdf", rng=1), "n = "),
+        (lambda: bcsdf.sample(MODERATE, WO, -1, PROFILES, sampling="full-cdf", rng=1), "n = -1"),
         (lambda: bcsdf.sample(MODERATE, WO, None, PROFILES, sampling="full-cdf", rng=1), "n = "),
         (lambda: bcsdf.sample(MODERATE, [WO, WI], 5, PROFILES, sampling="full-cdf", rng=1), "n = "),
         (lambda: bcsdf.sample(MODERATE, 2 * WO, 5, PROFILES, sampling="full-cdf", rng=1), "wo has"),

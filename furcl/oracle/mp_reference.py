@@ -29,17 +29,17 @@ def exact_attenuation(fibre: Fibre, h: float, theta: float) -> dict[str, Any]:
     import mpmath as mp
 
     with mp.workdps(DIGITS):
-        h, theta, eta, kappa, layers = (
+        offset, angle, eta, kappa, layers = (
             mp.mpf(x) for x in (h, theta, fibre.eta, fibre.kappa, fibre.layers)
         )
         # Snell's law and Fresnel's equations in three dimensions, then a pile of slabs.
-        cos_in = mp.cos(theta) * mp.sqrt(1 - h**2)
+        cos_in = mp.cos(angle) * mp.sqrt(1 - offset**2)
         cos_out = mp.sqrt(1 - (1 - cos_in**2) / eta**2)
         f_s = ((cos_in - eta * cos_out) / (cos_in + eta * cos_out)) ** 2
         f_p = ((eta * cos_in - cos_out) / (eta * cos_in + cos_out)) ** 2
         F = sum(2 * layers * f / (1 + (2 * layers - 1) * f) for f in (f_s, f_p)) / 2
-        theta_t = mp.asin(mp.sin(theta) / eta)
-        gamma_t = mp.asin(h * mp.cos(theta) / (eta * mp.cos(theta_t)))
+        theta_t = mp.asin(mp.sin(angle) / eta)
+        gamma_t = mp.asin(offset * mp.cos(angle) / (eta * mp.cos(theta_t)))
         inner = abs(mp.sin(gamma_t))
         s_m = mp.sqrt(kappa**2 - inner**2) if inner < kappa else mp.mpf(0)
         s_c = mp.cos(gamma_t) - s_m

@@ -1,17 +1,15 @@
 """Draws of a row of a table, and of a place in the row."""
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def pick(weights: Sequence[Array], rng: np.random.Generator) -> Indices:
-    """Which of several weights (...), that sum to 1 at each place."""
-    below = np.cumsum(np.stack(weights[:-1]), axis=0)
+def pick(weights: ArrayLike, rng: np.random.Generator) -> Indices:
+    """Which of k weights (k, ...), that sum to 1 at each place, (...)."""
+    below = np.cumsum(np.asarray(weights)[:-1], axis=0)
     return (rng.random(below.shape[1:]) >= below).sum(axis=0)
 
 
