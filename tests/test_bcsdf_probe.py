@@ -48,7 +48,7 @@ def _near(ratio: np.ndarray) -> bool:
 def _joint(probe: Probe, theta_deg: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Densities of the device and in float64 at 20,000 samples, of their own lobes, and these."""
     arguments = probe.fibre, wo_at(np.deg2rad(theta_deg))
-    profiles, sampling = probe.material.profiles, probe.features.sampling
+    profiles, sampling = probe.material.profiles, probe.sampler.name
     drawn = bcsdf.sample(*arguments, 20_000, profiles, sampling=sampling, rng=1)
     _, found = probe.evaluate_lobes(arguments[1], drawn.wi, drawn.h)
     expected = np.zeros(len(drawn.h))

@@ -40,10 +40,10 @@ def reference_evaluate(
     fibre: Fibre | None = None,
 ) -> Array:
     """(lobes, n, 3) float64, or (n, 3) of one lobe; of another fibre than the probe's if given."""
-    profiles, fibre = probe.material.profiles, fibre or probe.fibre
+    profiles, of = probe.material.profiles, fibre or probe.fibre
     if lobe is not None:
-        return reference.evaluate(fibre, wo, wi, h, profiles, lobe=probe.lobes[lobe])
-    return np.stack([reference.evaluate(fibre, wo, wi, h, profiles, lobe=n) for n in probe.lobes])
+        return reference.evaluate(of, wo, wi, h, profiles, lobe=probe.lobes[lobe])
+    return np.stack([reference.evaluate(of, wo, wi, h, profiles, lobe=n) for n in probe.lobes])
 
 
 def reference_pdf(
