@@ -136,6 +136,22 @@ def flat_profiles(absorption: float = 1.0) -> SyntheticProfiles:
     )
 
 
+def smooth_profiles() -> SyntheticProfiles:
+    """Normalised profiles without any symmetry that midpoints in phi and s can integrate."""
+    phi = (np.arange(128) + 0.5) / 64 * np.pi - np.pi
+    tau, h = np.arange(4)[:, None, None] / 3, np.arange(32)[None, :, None] / 31
+    density = 1 + 0.6 * np.cos(phi - 2.5 + h - 0.5 * tau) + 0.25 * np.sin(2 * phi + tau)
+    density /= density.sum(-1, keepdims=True) * (2 * np.pi / 128)
+    colour = np.array([0.2, 0.5, 0.8])
+    absorption = 0.55 + 0.4 * np.sin(phi - h - tau)[..., None] * colour
+    s = (np.arange(64) + 0.5) / 32 - 1
+    theta, end = np.arange(16)[:, None, None] / 15, np.array([-0.7, 0.5])[None, :, None]
+    along = 1 + (end - 0.3 * theta) * s + 0.5 * theta * s * s
+    along /= along.sum(-1, keepdims=True) * (2 / 64)
+    escape = (density[..., None] * absorption).sum(2) * (2 * np.pi / 128)
+    return SyntheticProfiles(Azimuth(density, absorption), Longitudinal(along), escape)
+
+
 def random_profiles(rng: np.random.Generator) -> SyntheticProfiles:
     """Normalised profiles without any symmetry: every mistake of indexing shows."""
     density = rng.uniform(0.2, 1.0, (4, 32, 128))

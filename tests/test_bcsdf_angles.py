@@ -2,13 +2,13 @@
 
 from itertools import pairwise
 
-import mpmath as mp
 import numpy as np
 import pytest
 from fibre_oracles import flat_profiles, random_profiles
 
 from furcl import bcsdf
 from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.oracle.mp_reference import exact_longitudinal
 
 MODERATE = Fibre(
     eta=1.5, kappa=0.7, alpha_deg=3, beta_m_deg=15, beta_n_deg=20, sigma_ca=(0.1, 0.3, 0.9),
@@ -38,15 +38,9 @@ def test_longitudinal_against_60_digits(v: float) -> None:
     """The defining csch form, which overflows in float64, at 60 digits."""
     for mu in (-1.2, 0.0, 0.9):
         for shift in (-3.0, -0.5, 0.0, 1.0):
-            s = float(np.sin(np.clip(mu + shift * np.sqrt(v), -1.5, 1.5)))
-            with mp.workdps(60):
-                c = mp.sqrt(1 - mp.mpf(s) ** 2)
-                x = 1 / mp.mpf(v)
-                exact = (
-                    mp.csch(x) / (2 * mp.mpf(v)) * mp.exp(mp.sin(mu) * s * x)
-                    * mp.besseli(0, mp.cos(mu) * c * x)
-                )  # fmt: skip
-            assert float(bcsdf.m_p(s, mu, v)) == pytest.approx(float(exact), rel=1e-8)
+            theta = float(np.clip(mu + shift * np.sqrt(v), -1.5, 1.5))
+            exact = exact_longitudinal(theta, mu, v)
+            assert float(bcsdf.m_p(np.sin(theta), mu, v)) == pytest.approx(float(exact), rel=1e-8)
 
 
 @pytest.mark.parametrize("beta_n_deg", [0.06, 1.0, 20.0, 90.0, 143.0])
@@ -123,12 +117,12 @@ def test_sphere_integrals(lobe: str, theta_i: float, h: float) -> None:
     assert np.all(value >= 0)
     assert weight @ value == pytest.approx(a, rel=1e-4)
     for sampling in ("full-cdf", "attenuation-cdf"):
-        density = bcsdf.pdf(MODERATE, wo, wi, h, lobe, profiles, sampling)
+        density = bcsdf.direction_pdf(MODERATE, wo, wi, h, profiles, lobe=lobe, sampling=sampling)
         assert weight @ density == pytest.approx(1.0, rel=1e-4)
 
 
 def test_sum_of_lobes() -> None:
-    """The value is the sum of its lobes; leaving out the profiles leaves out the scattered ones."""
+    """The value is the sum of its lobes, and of the unscattered ones where that is asked for."""
     rng = np.random.default_rng(2)
     profiles = random_profiles(rng)
     wo, wi = rng.normal(size=(2, 40, 3))
@@ -137,8 +131,11 @@ def test_sum_of_lobes() -> None:
     lobes = [bcsdf.evaluate(MODERATE, wo, wi, h, profiles, lobe=p) for p in range(6)]
     assert np.allclose(bcsdf.evaluate(MODERATE, wo, wi, h, profiles), sum(lobes[:5]))
     assert np.allclose(bcsdf.evaluate(MODERATE, wo, wi, h, profiles, residual=True), sum(lobes))
-    assert np.allclose(bcsdf.evaluate(MODERATE, wo, wi, h), sum(lobes[:3]))
-    assert np.allclose(bcsdf.pdf(MODERATE, wo, wi, h, "TTs", sampling="uniform-h"), 0.25 / np.pi)
+    unscattered = bcsdf.evaluate(MODERATE, wo, wi, h, bcsdf.UNSCATTERED)
+    assert np.allclose(unscattered, sum(lobes[:3]))
+    for lobe in ("R", "TT", "TRT"):  # needs no profiles
+        alone = bcsdf.evaluate(MODERATE, wo, wi, h, lobe=lobe)
+        assert np.array_equal(alone, lobes[bcsdf.LOBES.index(lobe)])
 
 
 def test_poles_and_tiny_roughness_are_finite() -> None:
@@ -165,7 +162,9 @@ def test_absorbed_azimuths_are_darker() -> None:
     phi = np.array([-0.5, 0.5])
     wi = np.stack([0 * phi, np.cos(phi), np.sin(phi)], 1)
     value = bcsdf.evaluate(MODERATE.replace(alpha_deg=0), wo, wi, 0.0, profiles, lobe="TTs")
-    density = bcsdf.pdf(MODERATE.replace(alpha_deg=0), wo, wi, 0.0, "TTs", profiles)
+    density = bcsdf.direction_pdf(
+        MODERATE.replace(alpha_deg=0), wo, wi, 0.0, profiles, lobe="TTs", sampling="full-cdf"
+    )
     assert value[0] == pytest.approx(0.25 * value[1])
     assert density[0] == pytest.approx(density[1])
 
@@ -180,7 +179,7 @@ def test_scattered_light_follows_the_tilted_angle() -> None:
         wo = [np.sin(theta_i), np.cos(theta_i), 0.0]
         s = (np.arange(64) + 0.5) / 32 - 1
         wi = np.stack([s, np.sqrt(1 - s * s), 0 * s], 1)
-        found = bcsdf.pdf(fibre, wo, wi, 0.2, "TTs", profiles)
+        found = bcsdf.direction_pdf(fibre, wo, wi, 0.2, profiles, lobe="TTs", sampling="full-cdf")
         back = profiles.longitudinal.density[node, 0, ::sign]
         assert found / found.sum() == pytest.approx(back / back.sum(), rel=1e-9)
 

@@ -91,9 +91,10 @@ def test_lobe_shares_of_the_coarse_fit(fibre: Fibre, fitted: tuple) -> None:
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_shares_without_profiles() -> None:
-    shares = bcsdf.lobe_shares(Fibre.preset("raccoon"))
+def test_shares_of_unscattered_light() -> None:
+    shares = bcsdf.lobe_shares(Fibre.preset("raccoon"), bcsdf.UNSCATTERED, residual=True)
     assert shares["TTs"] == shares["TRTs"] == 0.0
+    assert shares["residual"] > 0.0
     assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
 
 

@@ -1,6 +1,5 @@
-"""The float64 reference: optics and attenuation against ray traces, series and mpmath."""
+"""The float64 reference: optics and attenuation against ray traces, series and 60 digits."""
 
-import mpmath as mp
 import numpy as np
 import pytest
 from fibre_oracles import (
@@ -16,6 +15,8 @@ from fibre_oracles import (
 from furcl import bcsdf
 from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.reference import UNSCATTERED
+from furcl.oracle.mp_reference import exact_attenuation
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 
@@ -101,37 +102,6 @@ def test_cuticle_without_layers_and_at_the_rim() -> None:
         assert passed == pytest.approx(0.0, abs=1e-9)
 
 
-def _exact_attenuation(f: Fibre, h: float, theta: float) -> dict[str, mp.mpf]:
-    """A_p from the defining formulas at 60 digits, with the reflectance of one interface."""
-    with mp.workdps(60):
-        eta, kappa, offset, angle = (mp.mpf(x) for x in (f.eta, f.kappa, h, theta))
-        a = mp.acos(mp.cos(angle) * mp.sqrt(1 - offset**2))
-        b = mp.asin(mp.sin(a) / eta)
-        n1, n2 = mp.cos(a), eta * mp.cos(b)
-        m1, m2 = eta * mp.cos(a), mp.cos(b)
-        F = (((n1 - n2) / (n1 + n2)) ** 2 + ((m1 - m2) / (m1 + m2)) ** 2) / 2
-        theta_t = mp.asin(mp.sin(angle) / eta)
-        gamma_t = mp.asin(offset * mp.cos(angle) / (eta * mp.cos(theta_t)))
-        inner = abs(mp.sin(gamma_t))
-        s_m = mp.sqrt(kappa**2 - inner**2) if inner < kappa else mp.mpf(0)
-        s_c = mp.cos(gamma_t) - s_m
-        ca, ms, ma = (
-            mp.mpf(x) / mp.cos(theta_t) for x in (f.sigma_ca[0], f.sigma_ms, f.sigma_ma[0])
-        )
-        T = mp.exp(-2 * s_c * ca - 2 * s_m * (ms + ma))
-        q = 1 - mp.exp(-2 * s_m * ms)
-        E = mp.exp(-(s_c + 1 - kappa) * ca) * q
-        rest = (1 - F) * F**2 * T**2 * ((1 - F) * T + E) / (1 - F * T)
-        return {
-            "R": F,
-            "TT": (1 - F) ** 2 * T,
-            "TRT": (1 - F) ** 2 * F * T**2,
-            "TTs": (1 - F) * E,
-            "TRTs": (1 - F) * F * T * E,
-            "TRRT+": rest,
-        }
-
-
 @pytest.mark.parametrize("theta", [0.0, 0.9, 1.57, np.pi / 2 - 1e-6])
 @pytest.mark.parametrize(
     "parameters",
@@ -142,14 +112,15 @@ def _exact_attenuation(f: Fibre, h: float, theta: float) -> dict[str, mp.mpf]:
         {"kappa": 1.0, "sigma_ms": 1e-6, "eta": 1.0001},
         {"kappa": 1e-6, "sigma_ms": 5.0, "eta": 3.0},
         {"kappa": 0.86, "sigma_ca": 0.39, "sigma_ms": 3.15, "sigma_ma": 0.21, "eta": 1.49},
+        {"kappa": 0.7, "sigma_ca": 0.1, "sigma_ms": 1.0, "layers": 3.0},
     ],
 )
 def test_attenuation_against_60_digits(parameters: dict, theta: float) -> None:
     """Every lobe to 1e-9 of itself where it is above 1e-280, hostile corners included."""
-    fibre = Fibre(layers=0.5, **parameters)
+    fibre = Fibre(**parameters)
     for h in (0.0, -0.3, 0.7, 0.999, 1 - 1e-8):
         found = bcsdf.attenuation(fibre, h, theta, flat_profiles(), residual=True)
-        for name, exact in _exact_attenuation(fibre, h, theta).items():
+        for name, exact in exact_attenuation(fibre, h, theta).items():
             error = float(abs(found[name][0] - exact))
             assert error <= 1e-9 * float(exact) + 1e-280, (name, h)
 
@@ -191,20 +162,62 @@ def test_symmetries(name: str) -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda f: bcsdf.attenuation(f, 1.1, 0.0), "h has values outside"),
-        (lambda f: bcsdf.attenuation(f, np.nan, 0.0), "h has values outside"),
+        (lambda f: bcsdf.attenuation(f, 1.1, 0.0, UNSCATTERED), "h has values outside"),
+        (lambda f: bcsdf.attenuation(f, np.nan, 0.0, UNSCATTERED), "h has values outside"),
         (lambda f: bcsdf.geometry(f, 0.0, 2.0), "theta has values outside"),
         (lambda f: bcsdf.evaluate(f, [1, 1, 0], [0, 0, 1], 0.0), r"wo .*unit vectors"),
         (lambda f: bcsdf.evaluate(f, [0, 0, 1], [0, 1], 0.0), r"wi .*unit vectors"),
         (lambda f: bcsdf.evaluate(f, [0, 0, 1], [0, 1, 0], 0.0, lobe="TTT"), "lobe 'TTT'"),
         (lambda f: bcsdf.evaluate(f, [0, 0, 1], [0, 1, 0], 0.0, lobe=6), "lobe 6"),
-        (lambda f: bcsdf.pdf(f, [0, 0, 1], [0, 1, 0], 0.0, "TTs"), "needs the medulla's profiles"),
-        (
-            lambda f: bcsdf.pdf(f, [0, 0, 1], [0, 1, 0], 0.0, 0, sampling="uniform"),
-            "sampling 'uniform'",
-        ),
     ],
 )
 def test_refusals(call, message: str) -> None:
     with pytest.raises(FibreError, match=message):
         call(Fibre.preset("raccoon"))
+
+
+SIDE, BACK = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+NEED_PROFILES = {
+    "attenuation": lambda f, p: bcsdf.attenuation(f, 0.3, 0.1, p),
+    "evaluate": lambda f, p: bcsdf.evaluate(f, SIDE, BACK, 0.3, p),
+    "evaluate TTs": lambda f, p: bcsdf.evaluate(f, SIDE, BACK, 0.3, p, lobe="TTs"),
+    "evaluate residual": lambda f, p: bcsdf.evaluate(f, SIDE, BACK, 0.3, p, lobe="residual"),
+    "direction_pdf": lambda f, p: bcsdf.direction_pdf(
+        f, SIDE, BACK, 0.3, p, lobe="TRTs", sampling="full-cdf"
+    ),
+    "joint_densities": lambda f, p: bcsdf.joint_densities(f, 0.1, 0.3, p, sampling="uniform-h"),
+    "pdf": lambda f, p: bcsdf.pdf(f, SIDE, BACK, 0.3, p, sampling="uniform-h", lobe="R"),
+    "sample": lambda f, p: bcsdf.sample(f, SIDE, 10, p, sampling="full-cdf", rng=1),
+    "albedo": lambda f, p: bcsdf.albedo(f, 0.1, p),
+    "lobe_albedos": lambda f, p: bcsdf.lobe_albedos(f, 0.1, p),
+    "lobe_shares": lambda f, p: bcsdf.lobe_shares(f, p),
+    "attenuation_tables": lambda f, p: bcsdf.attenuation_tables(f, p, rows=3, bins=5),
+}
+
+
+@pytest.mark.parametrize("name", NEED_PROFILES)
+def test_scattered_lobes_are_not_dropped_unasked(name: str) -> None:
+    """A medulla that scatters needs its profiles; one that does not needs none, and the caller may
+    ask for the unscattered lobes."""
+    call = NEED_PROFILES[name]
+    with pytest.raises(FibreError, match=r"no profiles, .*bcsdf\.UNSCATTERED"):
+        call(Fibre.preset("raccoon"), None)
+    with pytest.raises(FibreError, match=r"profiles = 'TTs'"):
+        call(Fibre.preset("raccoon"), "TTs")
+    for fibre, nothing in (
+        (Fibre.preset("raccoon"), UNSCATTERED),
+        (Fibre.preset("raccoon", sigma_ms=0.0), None),
+        (Fibre.preset("raccoon", kappa=0.0), None),
+    ):
+        call(fibre, nothing)
+
+
+def test_unscattered_is_what_profiles_leave() -> None:
+    """R, TT and TRT do not depend on the profiles, TTs and TRTs are zero without them, and the
+    residual is smaller."""
+    fibre, h = Fibre.preset("raccoon"), np.linspace(-1, 1, 9)
+    without = bcsdf.attenuation(fibre, h, 0.4, UNSCATTERED, residual=True)
+    whole = bcsdf.attenuation(fibre, h, 0.4, flat_profiles(), residual=True)
+    assert all(np.array_equal(without[p], whole[p]) for p in ("R", "TT", "TRT"))
+    assert all(not without[p].any() for p in bcsdf.SCATTERED)
+    assert np.all(without["residual"][1:-1] < whole["residual"][1:-1])

@@ -21,7 +21,7 @@ def _smooth(name: str) -> Fibre:
 
 def _energies_agree(fibre: Fibre, theta: float, truth: Truth) -> bool:
     """R, TT and TRT within 0.5 % in every channel; lobes below 1e-7 are not looked at."""
-    model = bcsdf.lobe_albedos(fibre, theta)
+    model = bcsdf.lobe_albedos(fibre, theta, bcsdf.UNSCATTERED)
     return all(
         np.all(np.abs(truth.energy[k] - model[p]) <= 5e-3 * model[p] + 1e-7)
         for k, p in enumerate(("R", "TT", "TRT"))
@@ -75,7 +75,7 @@ def test_unscattered_azimuths(lobe: int, seed: int) -> None:
     found = truth.density[lobe].sum(0) * (2.0 / fibre_walk.S_BINS)
     h = 2 * (np.arange(400_000) + 0.5) / 400_000 - 1
     phi = np.mod(bcsdf.geometry(fibre, h, theta).Phi(lobe) + np.pi, 2 * np.pi)
-    weight = bcsdf.attenuation(fibre, h, theta)[CLASSES[lobe]].mean(-1) / h.size
+    weight = bcsdf.attenuation(fibre, h, theta, bcsdf.UNSCATTERED)[CLASSES[lobe]].mean(-1) / h.size
     expected = np.histogram(phi, PHI_BINS, (0, 2 * np.pi), weights=weight)[0]
     expected *= PHI_BINS / (2 * np.pi)
     assert np.abs(found - expected).sum() < 0.01 * expected.sum()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from direction_statistics import chi_square_p, sidak
 from fibres import FIBRES
+from offset_cells import N_CELLS, cell, integrals, resolved, wo_at
 
 from furcl import bcsdf
 from furcl.fibre.double_cylinder.reference.angles import centre_and_width
@@ -21,43 +22,6 @@ CASES = [
 ]
 LEVEL = sidak(5 * len(CASES))
 N = 400_000
-CELLS = (5, 6, 6)  # of |h|, phi, s
-STEPS = (20, 12, 12)  # midpoints in each: one to a bin of the tables in |h|
-
-
-def _wo(theta):
-    return np.array([np.sin(theta), np.cos(theta), 0.0])
-
-
-def _cell(h, phi, s) -> np.ndarray:
-    """Cell indices of folded samples."""
-    phi = np.where(h < 0, -phi, phi)
-    parts = (
-        np.abs(h) * CELLS[0],
-        np.mod(phi + np.pi, 2 * np.pi) / (2 * np.pi) * CELLS[1],
-        (s + 1) / 2 * CELLS[2],
-    )
-    index = [np.clip(p.astype(int), 0, n - 1) for p, n in zip(parts, CELLS, strict=True)]
-    return np.asarray(np.ravel_multi_index(index, CELLS))
-
-
-def _expected(probe, theta):
-    """Integral of each lobe's density over every cell, (lobes, cells)."""
-    n_h, n_phi, n_s = (a * b for a, b in zip(CELLS, STEPS, strict=True))
-    h = (np.arange(n_h) + 0.5) / n_h
-    phi = -np.pi + (np.arange(n_phi) + 0.5) * (2 * np.pi / n_phi)
-    s = -1 + (np.arange(n_s) + 0.5) * (2 / n_s)
-    grid_phi, grid_s = (g.ravel() for g in np.meshgrid(phi, s, indexing="ij"))
-    c = np.sqrt((1 - grid_s) * (1 + grid_s))
-    wi = np.stack([grid_s, c * np.cos(grid_phi), c * np.sin(grid_phi)], 1)
-    total = np.zeros((5, int(np.prod(CELLS))))
-    for offset in h:
-        _, pdf = probe.evaluate_lobes(_wo(theta), wi, np.full(len(wi), offset))
-        cell = _cell(np.full(len(wi), offset), grid_phi, grid_s)
-        for lobe in range(5):
-            total[lobe] += np.bincount(cell, pdf[lobe], minlength=total.shape[1])
-    # Both signs of h fold into one cell.
-    return total * (2.0 / n_h) * (2 * np.pi / n_phi) * (2 / n_s)
 
 
 @pytest.mark.statistical
@@ -65,15 +29,13 @@ def _expected(probe, theta):
 def test_chi_square(device, seed, name, theta_deg, sampling):
     theta = np.deg2rad(theta_deg)
     probe = Probe(FIBRES[name], sampling=sampling, device=device)
-    wi, h, lobe, _, _ = probe.sample(_wo(theta), n=N, seed=seed % 2**32)
-    cell = _cell(h, np.arctan2(wi[:, 2], wi[:, 1]), wi[:, 0])
-    expected = N * _expected(probe, theta)
-    # The cone of R narrows to nothing towards phi = pi, where midpoints cannot follow it: those
-    # cells count with what is outside the lobe.
-    phi_cell = np.arange(expected.shape[1]) // CELLS[2] % CELLS[1]
+    wi, h, lobe, _, _ = probe.sample(wo_at(theta), n=N, seed=seed % 2**32)
+    cells = cell(h, np.arctan2(wi[:, 2], wi[:, 1]), wi[:, 0])
+    expected = N * integrals(lambda w, offset: probe.evaluate_lobes(wo_at(theta), w, offset)[1])
+    # Cells that are not resolved count with what is outside the lobe.
     for p in range(5):
-        inside = (phi_cell > 0) & (phi_cell < CELLS[1] - 1) if p == 0 else phi_cell >= 0
-        counts = np.bincount(cell[lobe == p], minlength=len(inside))[inside]
+        inside = resolved(p)
+        counts = np.bincount(cells[lobe == p], minlength=N_CELLS)[inside]
         observed = np.append(counts, N - counts.sum())
         predicted = expected[p][inside]
         if predicted.sum() < 100:  # such a lobe says nothing but how often it is chosen
@@ -105,7 +67,7 @@ def test_unscattered_lobes_follow_the_reference(device, seed, beta_m, beta_n, th
     )  # fmt: skip
     probe = Probe(fibre, sampling="attenuation-cdf", device=device)
     theta = np.deg2rad(theta_deg)
-    wi, h, lobe, _, _ = probe.sample(_wo(theta), n=150_000, seed=seed % 2**32)
+    wi, h, lobe, _, _ = probe.sample(wo_at(theta), n=150_000, seed=seed % 2**32)
     level = sidak(2 * 3 * 3 * len(NARROW))
     geometry = bcsdf.geometry(fibre, h.astype(np.float64), np.full(len(h), theta))
     phi = np.arctan2(wi[:, 2], wi[:, 1]).astype(np.float64)

@@ -31,6 +31,7 @@ from furcl.bench.stability_weights import (
     largest_weight,
     no_regions,
 )
+from furcl.cdf import inclusive_cdf
 from furcl.fibre.double_cylinder import layout
 from furcl.fibre.double_cylinder.model import MODEL
 from furcl.fibre.double_cylinder.parameters import Fibre
@@ -111,29 +112,18 @@ def random_profiles(channels: int, seed: int = 1) -> MedullaProfiles:
         raw = np.exp(rng.uniform(-7.0, 0.0, shape))
         return raw / raw.sum(-1, keepdims=True)
 
-    def cdf(share: Array) -> NDArray[np.float32]:
-        out = np.cumsum(share, axis=-1).astype(np.float32)
-        out[..., -1] = 1.0
-        return out
-
     phi = shares(layout.PROFILE_TAUS, layout.PROFILE_OFFSETS, layout.PROFILE_PHIS)
     sine = shares(layout.PROFILE_THETAS, 2, layout.PROFILE_SINES)
     absorption = rng.uniform(0.0, 1.0, (*phi.shape, max(channels, 1))).astype(np.float32)
-    escape = (
-        (np.diff(cdf(phi), prepend=np.float32(0.0))[..., None] * absorption)
-        .sum(2)
-        .astype(np.float32)
-    )
     # The kernels read the differences of the float32 CDF.
-    density = np.diff(cdf(phi), prepend=np.float32(0.0)) * np.float32(
-        layout.PROFILE_PHIS / (2.0 * np.pi)
-    )
+    cdf = inclusive_cdf(phi)
+    chance = np.diff(cdf, prepend=np.float32(0.0))
+    escape = (chance[..., None] * absorption).sum(2).astype(np.float32)
+    density = chance * np.float32(layout.PROFILE_PHIS / (2.0 * np.pi))
     along = (sine * layout.PROFILE_SINES / 2.0).astype(np.float32)
     return MedullaProfiles(
-        AzimuthProfiles(
-            density, cdf(phi), absorption if channels else None, np.zeros_like(density)
-        ),
-        LongitudinalProfiles(along, cdf(sine), np.zeros_like(along)),
+        AzimuthProfiles(density, cdf, absorption if channels else None, np.zeros_like(density)),
+        LongitudinalProfiles(along, inclusive_cdf(sine), np.zeros_like(along)),
         escape if channels else None,
         0.0,
         0,

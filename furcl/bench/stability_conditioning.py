@@ -28,7 +28,7 @@ def reference_attenuation(
     lobes = reference.attenuation(
         fibre or probe.fibre, h, theta, probe.material.profiles, residual=True
     )
-    return np.stack([lobes[reference.RESIDUAL if n == "residual" else n] for n in probe.lobes])
+    return np.stack([lobes[name] for name in probe.lobes])
 
 
 def reference_evaluate(
@@ -40,11 +40,10 @@ def reference_evaluate(
     fibre: Fibre | None = None,
 ) -> Array:
     """(lobes, n, 3) float64, or (n, 3) of one lobe; of another fibre than the probe's if given."""
-    names = [reference.RESIDUAL if n == "residual" else n for n in probe.lobes]
-    profiles, fibre = probe.material.profiles, fibre or probe.fibre
+    profiles, of = probe.material.profiles, fibre or probe.fibre
     if lobe is not None:
-        return reference.evaluate(fibre, wo, wi, h, profiles, lobe=names[lobe])
-    return np.stack([reference.evaluate(fibre, wo, wi, h, profiles, lobe=n) for n in names])
+        return reference.evaluate(of, wo, wi, h, profiles, lobe=probe.lobes[lobe])
+    return np.stack([reference.evaluate(of, wo, wi, h, profiles, lobe=n) for n in probe.lobes])
 
 
 def reference_pdf(
@@ -55,12 +54,12 @@ def reference_pdf(
     The density over lobe and offset is looked up in the tables; that over directions is the value
     of the lobe over its attenuation, both without absorption, which it does not depend on.
     """
+    name = probe.lobes[lobe]
     clear, profiles = (fibre or probe.fibre).replace(sigma_ca=(0.0, 0.0, 0.0)), None
-    if probe.lobes[lobe] in SCATTERED:
+    if name in SCATTERED:
         profiles = _without_absorption(probe.material.profiles)
     else:
         clear = clear.replace(sigma_ma=(0.0, 0.0, 0.0), sigma_ms=0.0)
-    name = reference.RESIDUAL if probe.lobes[lobe] == "residual" else probe.lobes[lobe]
     cos = np.hypot(wo[:, 1], wo[:, 2])
     theta = np.arctan2(wo[:, 0], cos)
     share = reference.attenuation(clear, h, theta, profiles, residual=True)[name][..., 0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 from typing import Any
 
@@ -11,8 +12,7 @@ from furcl.bench.stability_compare import Row
 from furcl.fibre.double_cylinder import reference
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference.angles import longitudinal
-
-DIGITS = 60
+from furcl.oracle.mp_reference import exact_attenuation, exact_longitudinal
 
 _FIBRES = (
     Fibre(),
@@ -37,55 +37,27 @@ def reference_rows() -> list[Row]:
 
     Without mpmath, which the tests need and a render does not, there are none.
     """
-    try:
-        import mpmath
-    except ImportError:
+    if importlib.util.find_spec("mpmath") is None:
         return []
-    with mpmath.workdps(DIGITS):
-        return [_attenuation(mpmath.mp), _longitudinal(mpmath.mp)]
+    return [_attenuation(), _longitudinal()]
 
 
-def _attenuation(mp: Any) -> Row:
+def _attenuation() -> Row:
     row = Row("reference attenuation", "R TT TRT")
     for fibre, theta, h in itertools.product(_FIBRES, _THETAS, _OFFSETS):
-        got = reference.attenuation(fibre, h, theta)
-        exact = exact_attenuation(mp, fibre, h, theta)
+        got = reference.attenuation(fibre, h, theta, reference.UNSCATTERED)
+        exact = exact_attenuation(fibre, h, theta)
         for lobe in ("R", "TT", "TRT"):
             _score(row, float(got[lobe][0]), exact[lobe], f"{lobe}: {fibre}, {h}, {theta}")
     return row
 
 
-def exact_attenuation(mp: Any, fibre: Fibre, h: float, theta: float) -> dict[str, Any]:
-    """A_R, A_TT and A_TRT of the first channel, written straight from the model."""
-    h, theta, eta, kappa, layers = (
-        mp.mpf(x) for x in (h, theta, fibre.eta, fibre.kappa, fibre.layers)
-    )
-    c = mp.cos(theta) * mp.sqrt(1 - h * h)
-    n = mp.sqrt(eta**2 - 1 + c * c)
-    f_s = ((c - n) / (c + n)) ** 2
-    f_p = ((eta**2 * c - n) / (eta**2 * c + n)) ** 2
-    f = sum(2 * layers * x / (1 + (2 * layers - 1) * x) for x in (f_s, f_p)) / 2
-    cos_t = mp.sqrt(1 - (mp.sin(theta) / eta) ** 2)
-    size = abs(h * mp.cos(theta) / mp.sqrt(eta**2 - mp.sin(theta) ** 2))
-    s_m = mp.sqrt(kappa**2 - size**2) if size < kappa else mp.mpf(0)
-    s_c = mp.sqrt(1 - size**2) - s_m
-    depth = s_c * mp.mpf(fibre.sigma_ca[0]) + s_m * (
-        mp.mpf(fibre.sigma_ma[0]) + mp.mpf(fibre.sigma_ms)
-    )
-    t = mp.exp(-2 * depth / cos_t)
-    return {"R": f, "TT": (1 - f) ** 2 * t, "TRT": (1 - f) ** 2 * f * t**2}
-
-
-def _longitudinal(mp: Any) -> Row:
+def _longitudinal() -> Row:
     row = Row("reference density", "M")
     for beta, theta, mu in itertools.product(
         (1e-3, 0.03, 0.4, 2.5), (-1.5, 0.0, 0.7, 1.5707), (-1.5, 0.0, 0.7, 1.6)
     ):
-        s, v = mp.sin(mp.mpf(theta)), mp.mpf(beta) ** 2
-        exact = (
-            mp.csch(1 / v) / (2 * v) * mp.exp(mp.sin(mu) * s / v)
-            * mp.besseli(0, mp.cos(mu) * mp.cos(mp.mpf(theta)) / v)
-        )  # fmt: skip
+        exact = exact_longitudinal(theta, mu, beta * beta)
         got = float(longitudinal(theta, mu, beta * beta))
         _score(row, got, exact, f"beta {beta}, theta {theta}, mu {mu}")
     return row

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from furcl.cdf import inclusive_cdf
 from furcl.errors import ImageError
 from furcl.image.colour import luminance
 from furcl.image.exr import read_exr, rgb_of
@@ -184,6 +185,4 @@ def _cdf(weights: Array) -> NDArray[np.float32]:
     total = weights.sum(axis=1, keepdims=True)
     share = np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), 1.0 / n)
     share = share + max(FLOOR_SHARE / n, FLOOR_STEP)
-    cdf = np.cumsum(share / share.sum(axis=1, keepdims=True), axis=1).astype(np.float32)
-    cdf[:, -1] = 1.0
-    return cdf
+    return inclusive_cdf(share / share.sum(axis=1, keepdims=True))

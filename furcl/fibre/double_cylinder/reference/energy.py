@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference.optics import LOBES, attenuation
-from furcl.fibre.double_cylinder.reference.scattered import Profiles
+from furcl.fibre.double_cylinder.reference.profiles import MedullaData
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def nodes_over_h(
 def lobe_albedos(
     fibre: Fibre,
     theta: ArrayLike,
-    profiles: Profiles | None = None,
+    profiles: MedullaData = None,
     n: int = 64,
     residual: bool = False,
 ) -> dict[str, Array]:
@@ -47,14 +47,18 @@ def lobe_albedos(
     Parameters
     ----------
     theta : (...)     inclination of the known direction [rad], [-pi/2, pi/2]
-    profiles          scattering profiles; without them TTs and TRTs are left out
+    profiles          as for `attenuation`
     n : int           Gauss-Legendre nodes in each piece; the error is below 1e-9 with 64
                       (test_bcsdf_energy.py::test_quadrature)
-    residual : bool   adds the lobe "TRRT+"
+    residual : bool   adds the lobe "residual"
 
     Returns
     -------
-    lobe name -> (..., 3) float64
+    lobe name -> (..., 3) float64, in [0, 1]
+
+    Raises
+    ------
+    FibreError        theta outside its range; no profiles of a medulla that scatters
     """
     theta = np.asarray(theta, np.float64)
     rows: dict[str, list[Array]] = {}
@@ -68,7 +72,7 @@ def lobe_albedos(
 def albedo(
     fibre: Fibre,
     theta: ArrayLike,
-    profiles: Profiles | None = None,
+    profiles: MedullaData = None,
     n: int = 64,
     residual: bool = False,
 ) -> Array:
@@ -78,45 +82,64 @@ def albedo(
     return np.sum(list(lobes.values()), axis=0)
 
 
-def lobe_shares(fibre: Fibre, profiles: Profiles | None = None) -> dict[str, float]:
-    """Share of each of the five lobes in what isotropically oriented fibres return.
+def lobe_shares(
+    fibre: Fibre, profiles: MedullaData = None, residual: bool = False
+) -> dict[str, float]:
+    """Share of each lobe in what isotropically oriented fibres return; they sum to 1.
 
     At each inclination the lobe albedos, mean of the channels, are scaled to sum 1: the chance with
     which `attenuation-cdf` picks the lobe. These are averaged with weight cos^2(theta), orientation
-    times visible width. Without profiles the scattered lobes are left out of the sum as well.
+    times visible width. Arguments and errors as for `lobe_albedos`.
     """
     x, w = np.polynomial.legendre.leggauss(48)
     theta = np.pi / 4 * (x + 1.0)
-    lobes = lobe_albedos(fibre, theta, profiles)
-    energy = np.stack([lobes[name].mean(-1) for name in LOBES])
+    lobes = lobe_albedos(fibre, theta, profiles, residual=residual)
+    energy = np.stack([albedo.mean(-1) for albedo in lobes.values()])
     weight = w * np.cos(theta) ** 2
     total = energy.sum(0)
     shares = np.divide(energy, total, out=np.zeros_like(energy), where=total > 0.0)
     shares = shares @ weight / weight.sum()
-    return {name: float(share) for name, share in zip(LOBES, shares, strict=True)}
+    return {name: float(share) for name, share in zip(lobes, shares, strict=True)}
+
+
+def bin_means(
+    fibre: Fibre, theta: float, profiles: MedullaData, bins: int, n: int, residual: bool = False
+) -> Array:
+    """Mean of the scalar A_p (mean of the channels) over each of `bins` even bins of |h|.
+
+    n Gauss-Legendre nodes in each bin, twice that where the medulla's edge falls in it.
+
+    Returns
+    -------
+    (lobes, bins) float64
+    """
+    h, w, which = nodes_over_h(fibre, theta, bins, n)
+    lobes = attenuation(fibre, h, theta, profiles, residual)
+    table = np.zeros((len(lobes), bins))
+    for row, a in zip(table, lobes.values(), strict=True):
+        np.add.at(row, which, (w * a.mean(-1)).sum(-1) * bins)
+    return table
 
 
 def attenuation_tables(
     fibre: Fibre,
-    profiles: Profiles | None = None,
+    profiles: MedullaData = None,
     rows: int = 32,
     bins: int = 100,
     n: int = 8,
+    residual: bool = False,
 ) -> Array:
-    """Mean of the scalar A_p (mean of the channels) over each bin of |h|: what the samplers' tables
-    should hold.
+    """`bin_means` at many inclinations: what the device's tables should hold before bins are
+    lifted.
 
-    Rows are nodes over |theta| from 0 to pi/2 inclusive, even in sqrt(cos(theta)); bins cut [0, 1]
-    evenly; n nodes in each bin, twice that where the medulla's edge falls in it.
+    Rows are nodes over |theta| from 0 to pi/2 inclusive, even in sqrt(cos(theta)): row r is at
+    arccos((1 - r / (rows - 1))^2). Bins cut |h| from 0 to 1 evenly.
 
     Returns
     -------
-    (rows, 5, bins) float64
+    (rows, lobes, bins) float64     five lobes, or six with the residual
     """
-    table = np.zeros((rows, len(LOBES), bins))
+    table = np.zeros((rows, len(LOBES) + residual, bins))
     for row, theta in enumerate(np.arccos(np.linspace(1.0, 0.0, rows) ** 2)):
-        h, w, which = nodes_over_h(fibre, float(theta), bins, n)
-        lobes = attenuation(fibre, h, theta, profiles)
-        for p, name in enumerate(LOBES):
-            np.add.at(table[row, p], which, (w * lobes[name].mean(-1)).sum(-1) * bins)
+        table[row] = bin_means(fibre, float(theta), profiles, bins, n, residual)
     return table

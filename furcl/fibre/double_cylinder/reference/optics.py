@@ -7,13 +7,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.reference.scattered import Profiles, escape
+from furcl.fibre.double_cylinder.reference.profiles import MedullaData, profiles_in_use
+from furcl.fibre.double_cylinder.reference.scattered import escape
 
 LOBES = ("R", "TT", "TRT", "TTs", "TRTs")
 """The five lobes in the order used everywhere; an s marks light scattered in the medulla."""
 
-RESIDUAL = "TRRT+"
-"""The optional sixth lobe: all that leaves after two or more internal reflections."""
+SCATTERED = ("TTs", "TRTs")
+"""Those of them that need the medulla's profiles."""
+
+RESIDUAL = "residual"
+"""The optional sixth lobe: all that leaves after two or more internal reflections, TRRT and later
+orders, whether the medulla scattered it or not."""
 
 Array = NDArray[np.float64]
 
@@ -38,7 +43,8 @@ class Geometry:
         return 2.0 * p * self.gamma_t - 2.0 * self.gamma_i + p * np.pi
 
 
-def _inputs(h: ArrayLike, theta: ArrayLike) -> tuple[Array, Array]:
+def checked(h: ArrayLike, theta: ArrayLike) -> tuple[Array, Array]:
+    """h and theta of one shape in float64; FibreError if one is outside its range."""
     h, theta = np.broadcast_arrays(np.asarray(h, np.float64), np.asarray(theta, np.float64))
     if not np.all(np.abs(h) <= 1.0):
         raise FibreError(
@@ -67,7 +73,7 @@ def cuticle(fibre: Fibre, h: ArrayLike, theta: ArrayLike) -> tuple[Array, Array]
     slab, 2f/(1+f), `layers` of them reflect 2lf/(1 + (2l-1)f) (Stokes); then the mean of both
     polarisations.
     """
-    h, theta = _inputs(h, theta)
+    h, theta = checked(h, theta)
     cos = np.cos(theta) * np.sqrt((1.0 - h) * (1.0 + h))
     e = (fibre.eta - 1.0) * (fibre.eta + 1.0)
     eta2 = fibre.eta * fibre.eta
@@ -92,7 +98,7 @@ def geometry(fibre: Fibre, h: ArrayLike, theta: ArrayLike) -> Geometry:
     h : (...)       offset, [-1, 1]
     theta : (...)   inclination of the known direction [rad], [-pi/2, pi/2]
     """
-    h, theta = _inputs(h, theta)
+    h, theta = checked(h, theta)
     cos_i = np.cos(theta)
     n_t = np.sqrt((fibre.eta - 1.0) * (fibre.eta + 1.0) + cos_i * cos_i)
     h_t = h * cos_i / n_t
@@ -117,7 +123,7 @@ def attenuation(
     fibre: Fibre,
     h: ArrayLike,
     theta_in: ArrayLike,
-    profiles: Profiles | None = None,
+    profiles: MedullaData = None,
     residual: bool = False,
 ) -> dict[str, Array]:
     """Fraction A_p(h) of the light at offset h that leaves in each lobe, over all directions.
@@ -126,13 +132,17 @@ def attenuation(
     ----------
     h : (...)           offset, [-1, 1]
     theta_in : (...)    inclination of the known direction [rad], [-pi/2, pi/2]
-    profiles            scattering profiles of the medulla; without them TTs and TRTs are left out
-                        (zero)
-    residual : bool     adds the lobe "TRRT+"
+    profiles            scattering profiles of the medulla, UNSCATTERED to leave out what it
+                        scatters, or None if it scatters nothing
+    residual : bool     adds the lobe "residual": TRRT and all later orders
 
     Returns
     -------
-    {"R", "TT", "TRT", "TTs", "TRTs"} -> (..., 3) float64
+    {"R", "TT", "TRT", "TTs", "TRTs"} -> (..., 3) float64, in [0, 1]
+
+    Raises
+    ------
+    FibreError          h or theta_in outside its range; no profiles of a medulla that scatters
 
     R = F, TT = (1-F)^2 T, TRT = (1-F)^2 F T^2 with T the unscattered transmittance of one crossing;
     the scattered lobes are E_p q times the fraction that escapes absorption in the medulla. All
@@ -143,6 +153,7 @@ def attenuation(
     exactly the rest, [(1-F)^2 F^2 T^3 + (1-F) F^2 T^2 E q esc] / (1 - F T), E being the cortex on
     the way to and from the scattering.
     """
+    used = profiles_in_use(fibre, profiles)
     geo = geometry(fibre, h, theta_in)
     f, passed = (x[..., None] for x in cuticle(fibre, h, theta_in))
     inv_cos = (1.0 / geo.cos_theta_t)[..., None]
@@ -155,10 +166,10 @@ def attenuation(
     t = np.exp(log_t)
     t2 = np.exp(2.0 * log_t)
     scattered = np.zeros_like(log_t)
-    if profiles is not None and fibre.has_medulla:
+    if used is not None:
         q = -np.expm1(-2.0 * s_m * ms)
         entry_and_exit = np.exp(-(s_c + (1.0 - fibre.kappa)) * ca)
-        scattered = entry_and_exit * q * escape(fibre, profiles, geo.cos_theta_t, geo.h_t)
+        scattered = entry_and_exit * q * escape(fibre, used, geo.cos_theta_t, geo.h_t)
     result = {
         "R": f * np.ones(3),
         "TT": passed**2 * t,

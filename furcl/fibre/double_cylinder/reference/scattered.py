@@ -1,4 +1,4 @@
-"""Look-ups in the medulla's scattering profiles.
+"""Look-ups in the medulla's scattering profiles, and draws from them.
 
 Azimuth: nodes over cos(theta_t), uniform from 1 down to sqrt(1 - 1/eta^2), and over the offset in
 the medulla, h_j = sin(pi/2 j/(n-1)); linear in cos(theta_t) and in asin(h) between them, constant
@@ -7,52 +7,19 @@ in each bin of phi over [-pi, pi). Longitudinal: nodes over |theta_i| uniform 0.
 """
 
 from collections.abc import Iterator
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference.angles import wrap
+from furcl.fibre.double_cylinder.reference.draws import pick, place_in_row
+from furcl.fibre.double_cylinder.reference.profiles import Profiles
 
 Array = NDArray[np.float64]
 
 
-class Azimuth(Protocol):
-    """Azimuthal profile.
-
-    density (T, H, P) per radian, integral 1; absorption (T, H, P, 3 or 1), mean transmittance of a
-    bin, or None for 1.
-    """
-
-    @property
-    def density(self) -> NDArray[np.floating]: ...
-    @property
-    def absorption(self) -> NDArray[np.floating] | None: ...
-
-
-class Longitudinal(Protocol):
-    """Longitudinal profile: density (Theta, 2, S) per unit of s, integral 1."""
-
-    @property
-    def density(self) -> NDArray[np.floating]: ...
-
-
-class Profiles(Protocol):
-    """Profiles of one medulla.
-
-    escape (T, H, 3 or 1) is the integral of density times absorption, or None for 1.
-    """
-
-    @property
-    def azimuth(self) -> Azimuth: ...
-    @property
-    def longitudinal(self) -> Longitudinal: ...
-    @property
-    def escape(self) -> NDArray[np.floating] | None: ...
-
-
-def _neighbours(coordinate: Array, nodes: int) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+def neighbours(coordinate: Array, nodes: int) -> Iterator[tuple[Array, NDArray[np.intp]]]:
     """(weight, index) of the two nodes around a coordinate in 0..nodes-1."""
     x = np.clip(coordinate, 0.0, nodes - 1.0)
     low = np.minimum(x.astype(np.intp), nodes - 2)
@@ -60,14 +27,14 @@ def _neighbours(coordinate: Array, nodes: int) -> Iterator[tuple[Array, NDArray[
     yield x - low, low + 1
 
 
-def _bilinear(fibre: Fibre, table: NDArray[np.floating], cos_theta_t: Array, h_t: Array):
+def rows_around(fibre: Fibre, table: NDArray[np.floating], cos_theta_t: Array, h_t: Array):
     """(weight, i, j) of the four rows around (cos_theta_t, |h_t| / kappa)."""
     n_tau, n_h = table.shape[:2]
     lowest = np.sqrt((fibre.eta - 1.0) * (fibre.eta + 1.0)) / fibre.eta
     tau = (1.0 - cos_theta_t) / (1.0 - lowest) * (n_tau - 1)
     offset = np.arcsin(np.minimum(np.abs(h_t) / fibre.kappa, 1.0)) / (np.pi / 2) * (n_h - 1)
-    for w_i, i in _neighbours(tau, n_tau):
-        for w_j, j in _neighbours(offset, n_h):
+    for w_i, i in neighbours(tau, n_tau):
+        for w_j, j in neighbours(offset, n_h):
             yield w_i * w_j, i, j
 
 
@@ -76,7 +43,7 @@ def escape(fibre: Fibre, profiles: Profiles, cos_theta_t: Array, h_t: Array) -> 
     if profiles.escape is None:
         return np.ones((*np.shape(h_t), 3))
     total = np.zeros((*np.shape(h_t), 3))
-    for w, i, j in _bilinear(fibre, profiles.escape, cos_theta_t, h_t):
+    for w, i, j in rows_around(fibre, profiles.escape, cos_theta_t, h_t):
         total += w[..., None] * profiles.escape[i, j]
     return total
 
@@ -97,7 +64,7 @@ def azimuthal(
     bins = ((phi + np.pi) / (2.0 * np.pi) * n_phi).astype(np.intp) % n_phi
     density = np.zeros(np.shape(bins))
     energy = np.zeros((*np.shape(bins), 3))
-    for w, i, j in _bilinear(fibre, table, cos_theta_t, h_t):
+    for w, i, j in rows_around(fibre, table, cos_theta_t, h_t):
         row = w * table[i, j, bins]
         density += row
         energy += row[..., None] * (1.0 if carried is None else carried[i, j, bins])
@@ -117,6 +84,41 @@ def longitudinal(fibre: Fibre, profiles: Profiles, theta_i: Array, s_o: Array, p
     bins = np.clip(((s + 1.0) * 0.5 * n_s).astype(np.intp), 0, n_s - 1)
     front = np.abs(wrap(phi)) / np.pi
     total = np.zeros(np.shape(bins))
-    for w, i in _neighbours(np.abs(theta) / (np.pi / 2) * (n_theta - 1), n_theta):
+    for w, i in neighbours(np.abs(theta) / (np.pi / 2) * (n_theta - 1), n_theta):
         total += w * ((1.0 - front) * table[i, 0, bins] + front * table[i, 1, bins])
     return total
+
+
+def draw_azimuth(
+    fibre: Fibre, profiles: Profiles, cos_theta_t: Array, h_t: Array, rng: np.random.Generator
+) -> Array:
+    """phi_q (...) [rad] in [-pi, pi] with the density that `azimuthal` gives.
+
+    One of the four rows around is taken with its weight, which is to draw from the interpolated
+    density.
+    """
+    table = profiles.azimuth.density
+    n_h, n_phi = table.shape[1:]
+    weights, i, j = zip(*rows_around(fibre, table, cos_theta_t, h_t), strict=True)
+    which = pick(weights, rng)
+    row = np.choose(which, i) * n_h + np.choose(which, j)
+    at, inside = place_in_row(table.reshape(-1, n_phi), row, rng)
+    phi = (at + inside) * (2.0 * np.pi / n_phi) - np.pi
+    return np.where(h_t < 0.0, -phi, phi)
+
+
+def draw_sine(
+    fibre: Fibre, profiles: Profiles, theta_i: Array, phi: Array, rng: np.random.Generator
+) -> Array:
+    """s (...) in [-1, 1] with the density that `longitudinal` gives at azimuth phi: a row of theta
+    by its weight, then back or front."""
+    table = profiles.longitudinal.density
+    n_theta, _, n_s = table.shape
+    theta = theta_i - fibre.tilt
+    node = np.abs(theta) / (np.pi / 2) * (n_theta - 1)
+    weights, i = zip(*neighbours(node, n_theta), strict=True)
+    row = np.choose(pick(weights, rng), i)
+    front = rng.random(phi.shape) < np.abs(wrap(phi)) / np.pi
+    at, inside = place_in_row(table.reshape(-1, n_s), 2 * row + front, rng)
+    s = (at + inside) * (2.0 / n_s) - 1.0
+    return np.where(theta < 0.0, -s, s)
