@@ -84,8 +84,10 @@ def test_repr_is_a_short_line(picture):
 
 
 def test_notebook_shows_the_png(picture):
-    assert picture._repr_png_() == picture.png_bytes()
-    assert picture.png_bytes().startswith(b"\x89PNG")
+    shown = PillowImage.open(io.BytesIO(picture._repr_png_()))
+    assert (shown.format, shown.size) == ("PNG", (20, 12))
+    darker = PillowImage.open(io.BytesIO(Image(np.float32(0.1) * picture.rgb).png_bytes()))
+    assert (np.asarray(shown, int) > np.asarray(darker, int)).mean() > 0.9
 
 
 @pytest.mark.parametrize("suffix", [".exr", ".png"])
@@ -298,7 +300,16 @@ def test_pictures_that_cannot_be_compared(test, reference, message, distance):
 
 
 def test_compare_has_all_distances(picture):
+    """None between equal pictures; a tenth added shows in each."""
     pytest.importorskip("flip_evaluator")
     found = compare.compare(picture, picture)
     assert found["rmse"] == found["relmse"] == found["flip"] == found["largest"]["value"] == 0.0
     assert found["z"]["rms"] == 0.0
+    found = compare.compare(Image(picture.rgb + np.float32(0.1), picture.variance), picture)
+    assert found["rmse"] == pytest.approx(0.1, rel=1e-5)
+    assert found["largest"]["value"] == pytest.approx(0.1, rel=1e-5)
+    expected = np.mean(0.01 / (picture.rgb.astype(np.float64) ** 2 + 0.01))
+    assert found["relmse"] == pytest.approx(expected, rel=1e-5)
+    assert found["flip"] > 0.0
+    variance = 2.0 * picture.variance.astype(np.float64)
+    assert found["z"]["rms"] == pytest.approx(np.sqrt(np.mean(0.01 / variance)), rel=1e-4)

@@ -1,154 +1,254 @@
-"""Kernel texts: includes, defines, builds, and that no build is ever stale."""
+"""Building kernels: includes, declarations, and that no build is ever stale or made twice."""
 
 import shutil
+import threading
+import warnings
 
-import numpy as np
 import pyopencl as cl
 import pytest
 
-from furcl.device import layout, program
+from furcl.device import kernel_cache, program, source
 from furcl.device.features import Features
 from furcl.device.memory import Memory
-from furcl.errors import KernelBuildError, LayoutError, ResourceError
+from furcl.errors import KernelBuildError
+from furcl.fibre import samplers
+from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
+from furcl.light import kinds as lights
+from furcl.render.wavefront import stage_defines, stage_files
+from furcl.surface.ellipsoid import PART as ELLIPSOID
 
-KERNELS = (
-    "stages/generate.cl",
-    "stages/intersect.cl",
-    "stages/sample_lobe_h.cl",
-    "stages/shade.cl",
-    "stages/film.cl",
-    "prepare/tables.cl",
-    "tools/probe.cl",
-)
+VALUE = "__kernel void value(__global float* out) { out[0] = VALUE; }\n"
 
 
 @pytest.fixture
 def kernel_copy(tmp_path, monkeypatch):
     """A copy of the kernels that a test may edit."""
     folder = tmp_path / "kernels"
-    shutil.copytree(program.kernel_folder(), folder)
-    monkeypatch.setattr(program, "kernel_folder", lambda: folder)
-    return folder
+    shutil.copytree(source.kernel_folder(), folder)
+    monkeypatch.setattr(source, "kernel_folder", lambda: folder)
+    program.forget_programs()
+    yield folder
+    program.forget_programs()
 
 
-def _write_constant(folder, value):
-    (folder / "include" / "constant.clh").write_text(f"#define VALUE {value}\n")
-    (folder / "constant.cl").write_text(
-        '#include "core/prelude.clh"\n#include "constant.clh"\n'
-        "__kernel void constant_value(__global float* out) { out[0] = VALUE; }\n"
-    )
+@pytest.fixture
+def compilations(monkeypatch):
+    """Grows by one whenever a text is compiled."""
+    calls, compile_text = [], kernel_cache.built
+
+    def counted(raw, options):
+        calls.append(raw)
+        return compile_text(raw, options)
+
+    monkeypatch.setattr(kernel_cache, "built", counted)
+    return calls
 
 
-def _run_constant(device):
-    kernel = cl.Kernel(program.build(device, "constant.cl", Features()), "constant_value")
+def _write(folder, name, text):
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text)
+
+
+def _write_value(folder, value):
+    _write(folder, "include/value.clh", f"#define VALUE {value}\n")
+    _write(folder, "value.cl", '#include "core/prelude.clh"\n#include "value.clh"\n' + VALUE)
+
+
+def _value(device, features=None):
+    """What the kernel of value.cl computes."""
+    kernel = cl.Kernel(program.build(device, "value.cl", features or Features()), "value")
     memory = Memory(device)
     out = memory.allocate("out", 16)
     kernel(device.queue, (1,), (1,), out)
     return float(memory.read(out, 1)[0])
 
 
+# Includes ---------------------------------------------------------------------------------------
+
+
 def test_edited_include_is_never_stale(device, kernel_copy):
-    _write_constant(kernel_copy, "1.0f")
-    assert _run_constant(device) == 1.0
-    _write_constant(kernel_copy, "2.0f")
-    assert _run_constant(device) == 2.0
+    for value in (1.0, 2.0, 1.0):
+        _write_value(kernel_copy, f"{value}f")
+        assert _value(device) == value
 
 
-def test_same_text_is_built_once(device, kernel_copy):
-    _write_constant(kernel_copy, "3.0f")
-    first = program.build(device, "constant.cl", Features())
-    assert program.build(device, "constant.cl", Features()) is first
-    assert program.build(device, "constant.cl", Features(residual=True)) is not first
+def test_an_include_that_two_files_ask_for_comes_once(device, kernel_copy):
+    """Twice, it would not compile."""
+    _write(kernel_copy, "include/base.clh", "static inline float base(void) { return 3.0f; }\n")
+    for name in ("left", "right"):
+        text = f'#include "base.clh"\nstatic inline float {name}(void) {{ return base(); }}\n'
+        _write(kernel_copy, f"include/{name}.clh", text)
+    text = '#include "left.clh"\n#include "right.clh"\n#define VALUE left() + right()\n'
+    _write(kernel_copy, "value.cl", text + VALUE)
+    assert _value(device) == 6.0
 
 
-def test_includes_come_once_and_all():
-    text = program.expand("tools/probe.cl", Features())
-    assert text.count("typedef struct { float theta, sin_theta, cos_theta;") <= 1
-    assert text.count("static inline Incidence incidence_at") == 1
-    assert '#include "' not in text
+def test_a_file_beside_the_one_that_asks_comes_before_others_of_its_name(device, kernel_copy):
+    _write(kernel_copy, "include/part.clh", "#define FAR 1.0f\n")
+    _write(kernel_copy, "include/own/part.clh", "#define NEAR 2.0f\n")
+    _write(kernel_copy, "include/own/whole.clh", '#include "part.clh"\n')
+    text = '#include "own/whole.clh"\n#include "part.clh"\n#define VALUE NEAR + FAR\n'
+    _write(kernel_copy, "value.cl", text + VALUE)
+    assert _value(device) == 3.0
 
 
-def test_missing_include_names_file_and_line(kernel_copy):
-    (kernel_copy / "lost.cl").write_text('\n#include "nowhere.clh"\n')
-    with pytest.raises(KernelBuildError, match=r"lost\.cl:2: #include 'nowhere\.clh'"):
-        program.expand("lost.cl", Features())
+def test_a_part_is_the_header_that_the_features_name(device, kernel_copy):
+    """Of two lights the one of the build is compiled; without a light that is an error."""
+    _write(kernel_copy, "value.cl", "\n#include <light>\n" + VALUE)
+    for number, kind in ((1.0, "constant"), (2.0, "sky")):
+        part = lights.find(kind).part()
+        _write(kernel_copy, f"include/{part.header}", f"#define VALUE {number}f\n")
+        assert _value(device, Features(light=part)) == number
+    with pytest.raises(KernelBuildError, match=r"value\.cl:2: #include <light>.* of such parts"):
+        program.build(device, "value.cl", Features())
 
 
-def test_missing_define_is_an_error(device):
-    text = "#define FURCL_SAMPLING 2\n" + program.expand("stages/generate.cl", Features())
-    with pytest.raises(cl.Error, match="a FURCL_\\* define is missing"):
-        cl.Program(device.context, text).build(list(program.OPTIONS))
+@pytest.mark.parametrize("asked_by", ["lost.cl", "include/lost.clh"])
+def test_missing_include_names_file_and_line(device, kernel_copy, asked_by):
+    _write(kernel_copy, "lost.cl", '#include "lost.clh"\n')
+    _write(kernel_copy, asked_by, '\n#include "nowhere.clh"\n')
+    label = asked_by.removeprefix("include/")
+    with pytest.raises(KernelBuildError, match=rf"^{label}:2: #include 'nowhere\.clh'"):
+        program.build(device, "lost.cl", Features())
+
+
+# Declarations -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", ["FURCL_NO_SUCH_NAME", "0\n#if FURCL_LENZ\n#endif"])
+def test_a_name_that_nobody_declares_is_an_error(device, kernel_copy, value):
+    """In an #if a misspelt name would be 0 without a word."""
+    line = 1 + value.count("\n") - (value.count("\n") > 0)
+    _write_value(kernel_copy, value)
+    with pytest.raises(KernelBuildError, match=rf"^value\.clh:{line}: FURCL_\w+ is declared nei"):
+        program.build(device, "value.cl", Features())
+
+
+def test_names_in_comments_and_of_the_text_itself_are_no_error(device, kernel_copy):
+    _write_value(
+        kernel_copy, "FURCL_HERE /* FURCL_THERE */ // FURCL_ELSEWHERE\n#define FURCL_HERE 4"
+    )
+    assert _value(device) == 4.0
+
+
+FULL = Features(
+    fibre=DoubleCylinderFeatures(),
+    sampler=samplers.find("full-cdf"),
+    light=lights.find("constant").part(),
+    surface=ELLIPSOID,
+    light_sampling=True,
+)
+
+
+TRACING = "intersect_closest intersect_shadow"
+SCATTERING = "sample_lobe_h shade"
+
+
+@pytest.mark.parametrize(
+    ("change", "recompiled", "kept"),
+    [
+        ({"filter": "box"}, "generate", TRACING),
+        ({"lens": True}, "generate", TRACING),
+        ({"variance": False}, "add_to_film", f"generate {TRACING} {SCATTERING} shade_surface"),
+        ({"statistics": False}, "sample_lobe_h", f"generate {TRACING} shade add_to_film"),
+        ({"point_radii": False}, f"{TRACING} {SCATTERING}", "generate shade_escaped add_to_film"),
+        (
+            {"light": lights.find("sky").part()},
+            "shade shade_escaped shade_surface",
+            f"generate {TRACING} sample_lobe_h add_to_film",
+        ),
+        (
+            {"sampler": samplers.find("uniform-h")},
+            SCATTERING,
+            f"generate {TRACING} shade_escaped shade_surface add_to_film",
+        ),
+        (
+            {"fibre": DoubleCylinderFeatures(tilt=False)},
+            SCATTERING,
+            f"generate {TRACING} shade_escaped shade_surface add_to_film",
+        ),
+    ],
+    ids=lambda value: "-".join(value) if isinstance(value, dict) else "",
+)
+def test_a_change_recompiles_the_stages_that_name_it(device, change, recompiled, kept):
+    """A build's text holds the declarations that it names, and no others."""
+    changed = {
+        stage
+        for stage, file in stage_files(FULL).items()
+        if source.kernel_text(file, FULL, stage_defines(stage, device))
+        != source.kernel_text(file, FULL.with_(**change), stage_defines(stage, device))
+    }
+    assert changed >= set(recompiled.split())
+    assert changed.isdisjoint(kept.split())
+
+
+# Builds -----------------------------------------------------------------------------------------
+
+
+def test_a_text_is_compiled_once_a_process(device, kernel_copy, compilations):
+    """Whatever the features are that it does not name; until another text stands in the files."""
+    _write_value(kernel_copy, "5.0f")
+    first = program.build(device, "value.cl", Features())
+    assert program.build(device, "value.cl", Features()) is first
+    assert program.build(device, "value.cl", Features(lens=True)) is first
+    assert len(compilations) == 1
+    _write_value(kernel_copy, "FURCL_LENS")
+    assert [_value(device, Features(lens=lens)) for lens in (False, True)] == [0.0, 1.0]
+    assert len(compilations) == 3
+
+
+def test_programs_used_longest_ago_are_let_go(device, kernel_copy, compilations, monkeypatch):
+    monkeypatch.setattr(program, "KEPT_PROGRAMS", 2)
+
+    def use(value):
+        _write_value(kernel_copy, f"{value}.0f")
+        assert _value(device) == value
+
+    for value in (1, 2, 1, 3, 1):
+        use(value)
+    assert len(compilations) == 3
+    use(2)
+    assert len(compilations) == 4
+
+
+def test_threads_that_build_bring_no_warnings(device, kernel_copy):
+    """What a compiler says of a good text stays between it and furcl: not a Python warning in any
+    thread, and the caller's filters are as they were. pyopencl alone would warn."""
+    chatty = '#pragma message("done")\n' + VALUE
+    names = [f"chatty{i}.cl" for i in range(8)]
+    for i, name in enumerate(names):
+        _write(kernel_copy, name, f"#define VALUE {i}\n{chatty}")
+
+    def build(mine):
+        for name in mine:
+            program.build(device, name, Features())
+
+    threads = [threading.Thread(target=build, args=(names[i::2],)) for i in range(2)]
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        filters = list(warnings.filters)
+        for thread in threads:
+            thread.start()
+        warnings.warn("the caller's own", cl.CompilerWarning, stacklevel=1)
+        for thread in threads:
+            thread.join()
+        assert warnings.filters == filters
+    assert [str(warning.message) for warning in seen] == ["the caller's own"]
+    with pytest.warns(cl.CompilerWarning):
+        cl.Program(device.context, "#define VALUE 9\n" + chatty).build(list(program.OPTIONS))
 
 
 def test_build_error_shows_the_compilers_words(device, kernel_copy):
-    (kernel_copy / "wrong.cl").write_text("__kernel void wrong() { undeclared_name = 1; }\n")
+    _write(kernel_copy, "wrong.cl", "__kernel void wrong() { undeclared_name = 1; }\n")
     with pytest.raises(KernelBuildError, match="undeclared_name"):
         program.build(device, "wrong.cl", Features())
 
 
-@pytest.mark.parametrize("name", KERNELS)
-def test_kernel_files_have_a_banner_and_no_globals(name):
-    text = (program.kernel_folder() / name).read_text()
-    for word in ("reads", "writes", "over"):
-        assert word in text
-    at_file_scope = [
-        line for line in program.expand(name, Features()).splitlines()
-        if line.startswith(("__constant ", "constant ", "__global ", "global "))
-    ]  # fmt: skip
-    assert at_file_scope == []
-
-
-def test_debug_dump(device, kernel_copy, tmp_path, monkeypatch):
+def test_a_dumped_text_is_what_is_compiled(device, kernel_copy, tmp_path, monkeypatch):
     monkeypatch.setenv("FURCL_DUMP", str(tmp_path / "dump"))
-    _write_constant(kernel_copy, "4.0f")
-    program.build(device, "constant.cl", Features())
+    _write_value(kernel_copy, "FURCL_CHANNELS + 4.0f")
+    assert _value(device) == 7.0
     (dumped,) = (tmp_path / "dump").iterdir()
-    assert "#define VALUE 4.0f" in dumped.read_text()
-
-
-def test_features_are_the_only_defines():
-    defines = Features().defines()
-    assert all(
-        name.startswith("FURCL_") and isinstance(value, int) for name, value in defines.items()
-    )
-    assert Features(residual=True).defines()["FURCL_LOBES"] == 6
-
-
-@pytest.mark.parametrize("light_sampling", [False, True])
-@pytest.mark.parametrize("channels", [1, 3])
-def test_planes_follow_the_features(channels, light_sampling):
-    features = Features(channels=channels, light_sampling=light_sampling)
-    names = layout.planes(features)
-    assert len(names) == len(set(names))
-    assert ("SHADOW_DIR_X" in names) == light_sampling
-    assert sum(name.startswith("THROUGHPUT") for name in names) == channels
-    text = layout.device_text(features)
-    assert all(f"PS_{name}" in text for name in names)
-
-
-def test_struct_offsets_of_the_host_are_checked():
-    words = layout.struct_words()
-    layout.check_structs(words)
-    wrong = words.copy()
-    wrong[3] += 4
-    with pytest.raises(LayoutError, match="allows no padding"):
-        layout.check_structs(wrong)
-
-
-@pytest.mark.parametrize("name", layout.STRUCTS)
-def test_structs_need_no_padding(name):
-    assert layout.struct_dtype(name).itemsize % 16 == 0
-
-
-def test_too_large_a_buffer_is_refused_by_name(device):
-    memory = Memory(device)
-    with pytest.raises(ResourceError, match=r"'film' needs \d+ MiB"):
-        memory.allocate("film", device.max_allocation_bytes + 1)
-
-
-def test_memory_counts_bytes(device):
-    memory = Memory(device)
-    memory.upload("a", np.zeros(5, np.float32))
-    memory.allocate("b", 100)
-    assert memory.bytes == {"a": 20, "b": 100}
-    assert memory.total_bytes == 120
+    monkeypatch.delenv("FURCL_DUMP")
+    _write(kernel_copy, "value.cl", dumped.read_text())
+    assert _value(device) == 7.0
