@@ -184,7 +184,6 @@ def test_packages_of_the_system_are_left_to_the_user(
     monkeypatch.setattr(provision.shutil, "which", lambda name: f"/usr/bin/{name}")
     monkeypatch.setattr(provision.os, "geteuid", lambda: user)
     monkeypatch.setattr(provision, "STEPS", [s for s in provision.STEPS if s.name == "debian"])
-    monkeypatch.setattr(provision.provision, "__defaults__", (provision.STEPS,))
 
     monkeypatch.setattr(sys, "argv", ["provision", *add])
     assert provision.main() == 3
