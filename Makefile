@@ -41,9 +41,9 @@ $(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	touch $@
 
-# An OpenCL device that passes the self-test.
+# An OpenCL device that passes the self-test. As root, or with sudo, packages of the system may be installed.
 $(VENV)/.device: $(VENV)/.installed
-	$(BIN)/python -m furcl.install.provision
+	$(BIN)/python -m furcl.install.provision --system
 	touch $@
 
 # Choose new versions of the dependencies.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -91,7 +92,9 @@ def test_device_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Candidate, "verdict", lambda self, fresh: Verdict(False, "bad sums"))
     passed_over, none_left = doctor._check_devices()
     assert "bad sums" in passed_over.found
-    assert (none_left.level, none_left.remedy) == ("error", "python -m furcl.install.provision")
+    assert none_left.level == "error"
+    assert "python -m furcl.install.provision" in none_left.remedy
+    assert "as root: apt-get install pocl-opencl-icd" in none_left.remedy
 
 
 @pytest.mark.parametrize("missing", ["package", "library"])
@@ -154,6 +157,44 @@ def test_order_of_installation(
     steps = (machine.step("wheel"), machine.step("debian", removable=False), machine.step("intel"))
     assert provision.provision(steps) is result
     assert machine.log == log
+
+
+class Commands:
+    """Stands in for subprocess.run: keeps the commands, none of which finds a device."""
+
+    def __init__(self) -> None:
+        self.given: list[list[str]] = []
+
+    def __call__(self, command: Sequence[str], **_: object) -> subprocess.CompletedProcess[str]:
+        self.given.append(list(command))
+        return subprocess.CompletedProcess(command, int("-c" in command), "", "")
+
+    def of_the_system(self) -> list[list[str]]:
+        return [c for c in self.given if "apt-get" in c or "sudo" in c]
+
+
+@pytest.mark.parametrize("user", [0, 1000])
+@pytest.mark.parametrize("add", [[], ["--add", "debian"]])
+def test_packages_of_the_system_are_left_to_the_user(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], user: int, add: list[str]
+) -> None:
+    """Not even root's own process installs them unless it was asked to by --system."""
+    commands = Commands()
+    monkeypatch.setattr(provision.subprocess, "run", commands)
+    monkeypatch.setattr(provision.shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr(provision.os, "geteuid", lambda: user)
+    monkeypatch.setattr(provision, "STEPS", [s for s in provision.STEPS if s.name == "debian"])
+
+    monkeypatch.setattr(sys, "argv", ["provision", *add])
+    assert provision.main() == 3
+    assert commands.of_the_system() == []
+    assert "as root: apt-get install pocl-opencl-icd" in "".join(capfd.readouterr())
+
+    monkeypatch.setattr(sys, "argv", ["provision", "--system", *add])
+    assert provision.main() == 3
+    installs = [c for c in commands.of_the_system() if "install" in c]
+    assert installs
+    assert all((c[0] == "sudo") == (user != 0) for c in installs)
 
 
 def test_steps_are_those_of_the_documents() -> None:

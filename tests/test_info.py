@@ -12,16 +12,17 @@ from scene_documents import fur_patch
 
 import furcl
 import furcl.cli
+from furcl.cli import facts as cli_facts
+from furcl.cli.facts import of_scene, on_device
 from furcl.device.choice import Device
 from furcl.errors import NoDeviceError
+from furcl.fibre.double_cylinder import profiles
 from furcl.fibre.double_cylinder.paper import LOBE_SHARES
 from furcl.groom.curves import Curves
 from furcl.groom.formats import save_curves
 from furcl.image.image import Image
-from furcl.render import info_device
-from furcl.render.info import describe
 from furcl.render.renderer import Renderer
-from furcl.scene.read import with_overrides
+from furcl.scene.read import load_scene, with_overrides
 from furcl.scene.tables import Scene
 
 SCENE = """
@@ -48,7 +49,7 @@ def scene(tmp_path: Path) -> Path:
 
 
 def test_scene(scene: Path) -> None:
-    facts = describe(scene)
+    facts = of_scene(load_scene(scene))
     assert "sigma_ca 0.1/0.2/0.1," in facts["fibre"]
     assert "sigma_ma 0.2, g 0.4, layers 0.736" in facts["fibre"]
     assert facts["fibre's source"].startswith("fitted: ")
@@ -70,7 +71,7 @@ def test_groom_needs_no_opencl(scene: Path) -> None:
 
 def _facts(device: Device, *overrides: str) -> tuple[Scene, dict[str, str]]:
     scene = with_overrides(fur_patch(), overrides)
-    return scene, info_device.describe(scene, device)
+    return scene, on_device(scene, device)
 
 
 def test_fibre_of_the_paper(device: Device) -> None:
@@ -83,6 +84,20 @@ def test_fibre_of_the_paper(device: Device) -> None:
     assert "TRTs" in facts["compiled in"]
     assert facts["no lens"] == "aperture_radius is 0: pinhole"
     assert facts["no profile_channels"] == "sigma_ma is 0: no medulla absorption"
+
+
+def test_a_medulla_is_simulated_once(
+    device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For the render, which keeps it; not again to tell of it."""
+    runs = []
+    simulate = profiles.simulate
+    monkeypatch.setenv("FURCL_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(profiles, "simulate", lambda *a: (runs.append(a), simulate(*a))[1])
+    for _ in range(2):
+        _, facts = _facts(device, "fibre.preset=human-white")
+        assert "million photons" in facts["medulla tables"]
+        assert len(runs) == 1
 
 
 def test_fibre_without_medulla(device: Device) -> None:
@@ -108,7 +123,7 @@ def test_without_a_device(
     def no_device(*_: object) -> dict[str, str]:
         raise NoDeviceError("no OpenCL device: none")
 
-    monkeypatch.setattr(info_device, "describe", no_device)
+    monkeypatch.setattr(cli_facts, "on_device", no_device)
     with pytest.raises(SystemExit) as ended:
         furcl.cli.main(["info", str(scene)])
     assert not ended.value.code

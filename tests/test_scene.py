@@ -226,7 +226,7 @@ BAD = [
     ({"render": {"sampling": "full-cfd"}}, "did you mean 'full-cdf'?"),
     ({"render": 3}, "render = 3: expected a table, for example render.spp=64"),
     ({"render": {"spp": {"a": 1}}}, "render.spp: expected `int`, got a table"),
-    ({"film": {"filter": "sinc"}}, "film.filter = 'sinc': allowed are gaussian, tent, box"),
+    ({"film": {"filter": "sinc"}}, "film.filter = 'sinc': allowed are box, tent, gaussian"),
     ({"film": {"width": 0}}, "film.width = 0: expected `int` >= 1"),
     ({"film": {"filter_radius_px": 9}}, "film.filter_radius_px = 9: expected `float` <= 4.0"),
     ({"camera": {"vfov_deg": 180}}, "camera.vfov_deg = 180: expected `float` <= 170.0"),

@@ -139,7 +139,7 @@ def test_text_is_text_whatever_toml_makes_of_it(scene_file, name, monkeypatch):
     assert scene.name == name
     with pytest.raises(SceneError, match=r"fibre\.preset = .* is not known"):
         load_scene(scene_file, overrides=[f"fibre.preset={name}"])
-    with pytest.raises(SceneError, match=r"film\.filter = .*: allowed are gaussian, tent, box"):
+    with pytest.raises(SceneError, match=r"film\.filter = .*: allowed are box, tent, gaussian"):
         load_scene(scene_file, overrides=[f"film.filter={name}"])
 
 

@@ -22,7 +22,7 @@ from furcl.groom.grow import GENERATORS
 from furcl.oracle.embree_rays import EmbreeScene
 from furcl.render.rays import Rays, Tracer
 from furcl.scene.camera import Camera
-from furcl.scene.read import load_scene
+from furcl.scene.read import find_scene, load_scene
 
 # Distances that differ by no more than this part are one hit (joints are hit twice at one place).
 TOLERANCE = 1e-4
@@ -47,13 +47,14 @@ def groom_and_camera(name: str) -> tuple[Curves, Camera]:
     ------
     SceneError, GroomError      if the file cannot be used or the name says nothing
     """
-    if name.endswith(".toml"):
-        scene = load_scene(name)
-        curves = scene.build_curves()
-        return curves, scene.resolved_camera(curves)
     kind, colon, count = name.partition(":")
     generated = colon and kind in (*GENERATED, "head")
-    curves = _generate(kind, count) if generated else load_curves(name)
+    path = find_scene(name)
+    if not generated and path.suffix.lower() == ".toml":
+        scene = load_scene(path)
+        curves = scene.build_curves()
+        return curves, scene.resolved_camera(curves)
+    curves = _generate(kind, count) if generated else load_curves(path)
     return curves, Camera().resolved(curves.points, 1.0, float(curves.radii.max()))
 
 

@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from typing import Annotated, Any
 
 import typer
 
@@ -29,25 +30,60 @@ app = typer.Typer(
 )
 
 
+def _verbose(given: bool) -> None:
+    if given:
+        set_up_logging(verbose=True)
+
+
+def _quiet(given: bool) -> None:
+    if given:
+        set_up_logging(quiet=True)
+
+
 @app.callback()
-def _options(
-    verbose: bool = typer.Option(False, "--verbose", "-v", help="Say what takes how long."),
-    quiet: bool = typer.Option(False, "--quiet", "-q", help="Warnings only."),
+def _everywhere(
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose",
+            "-v",
+            help="Say what takes how long.",
+            callback=_verbose,
+            expose_value=False,
+        ),
+    ] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", "-q", help="Warnings only.", callback=_quiet, expose_value=False),
+    ] = False,
 ) -> None:
-    set_up_logging(verbose=verbose, quiet=quiet)
+    """Options that stand before or after the command; what they do is in their callbacks."""
 
 
-render.register(app)
-files.register(app)
-devices.register(app)
-bench.register(app)
+for part in (render, files, devices, bench):
+    part.register(app)
+
+
+def command() -> Any:
+    """All commands, each of which takes the options of `furcl` itself too."""
+    root = typer.main.get_command(app)
+    _add_options(root, [option for option in root.params if option.name in ("verbose", "quiet")])
+    return root
+
+
+def _add_options(group: Any, options: list[Any]) -> None:
+    for inner in group.commands.values():
+        inner.params += options
+        if hasattr(inner, "commands"):
+            _add_options(inner, options)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; always ends with SystemExit."""
     _start_fast()
+    set_up_logging()
     try:
-        app(arguments)
+        command()(arguments)
     except ModuleNotFoundError as error:
         if switched_on("FURCL_TRACEBACK") or (error.name or "").startswith("furcl"):
             raise

@@ -12,8 +12,7 @@ from furcl.cli.bench_stability import replay, stability
 from furcl.cli.bench_stages import stages, waves
 from furcl.cli.bench_start import start
 from furcl.cli.console import print_table
-from furcl.cli.options import DeviceName, Out, Overrides
-from furcl.cli.render import scene_path
+from furcl.cli.options import ROUNDS, SIZE, SPP, DeviceName, Folder, Overrides, SceneNames
 
 app = typer.Typer(no_args_is_help=True, help="Measure; results go to a folder.")
 
@@ -23,16 +22,15 @@ def intersect(
     groom: Annotated[
         str, typer.Argument(help="A groom file, a scene, or hair:N, fur:N, head:N for N segments.")
     ],
-    out: Out,
+    out: Folder,
     device: DeviceName = None,
     size: Annotated[int, typer.Option(help="Width and height of the primary rays [px].")] = 512,
-    rounds: Annotated[int, typer.Option(help="Times that both are measured.")] = 5,
+    rounds: Annotated[int, ROUNDS] = 5,
 ) -> None:
     """Trace rays beside Embree: speed, ratio and differences."""
     from furcl.bench import intersect as bench
 
-    name = str(scene_path(groom)) if ":" not in groom else groom
-    results = bench.run(name, out, device=device, size=size, rounds=rounds)
+    results = bench.run(groom, out, device=device, size=size, rounds=rounds)
     cpu = results["build_cpu_seconds"]
     print(
         f"{results['segments']} segments, {results['bytes_per_segment']:.1f} bytes each; built in "
@@ -63,19 +61,19 @@ app.command()(report)
 
 @app.command()
 def features(
-    scenes: Annotated[list[str], typer.Argument(help="TOML scenes, or names of furcl's own.")],
-    out: Out,
+    scenes: SceneNames,
+    out: Folder,
     device: DeviceName = None,
-    size: Annotated[str, typer.Option(help="Film size, WIDTHxHEIGHT.")] = "128x128",
-    spp: Annotated[int, typer.Option(help="Samples per pixel of a round.")] = 4,
-    rounds: Annotated[int, typer.Option(help="Rounds of either build.")] = 5,
+    size: Annotated[str, SIZE] = "128x128",
+    spp: Annotated[int, SPP] = 4,
+    rounds: Annotated[int, ROUNDS] = 5,
     overrides: Overrides = None,
 ) -> None:
     """Compare each scene's specialised build with one that has everything on."""
     from furcl.bench import features as bench
 
     results = bench.run(
-        [scene_path(scene) for scene in scenes],
+        scenes,
         out,
         device=device,
         size=size,

@@ -9,15 +9,22 @@ from typing import Annotated
 import typer
 
 from furcl.cli.console import progress_report
-from furcl.cli.render import EXIT_INTERRUPTED, interruptible, scene_path
+from furcl.cli.options import (
+    QUICK,
+    SAMPLER_FILE,
+    SEED,
+    SIZE,
+    DeviceName,
+    Overrides,
+    SceneNames,
+)
+from furcl.cli.render import EXIT_INTERRUPTED, interruptible
 
 log = logging.getLogger(__name__)
 
 
 def convergence(
-    scenes: Annotated[
-        list[str], typer.Argument(help="TOML scenes, or names of those that come with furcl.")
-    ],
+    scenes: SceneNames,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="Folder; one that holds a stopped run continues it."),
@@ -25,37 +32,34 @@ def convergence(
     sampling: Annotated[
         str | None, typer.Option(help="Names, A,B,C; the others are compared with the first.")
     ] = None,
+    sampler: Annotated[list[Path] | None, SAMPLER_FILE] = None,
     spp: Annotated[
         str | None, typer.Option(help="Samples per pixel, ascending: 64,128,256.")
     ] = None,
     runs: Annotated[int, typer.Option(help="Independent renders of each.")] = 5,
-    size: Annotated[str | None, typer.Option(help="Film size, WIDTHxHEIGHT.")] = None,
-    seed: Annotated[int, typer.Option(help="All seeds of the run follow from it.")] = 1,
+    size: Annotated[str | None, SIZE] = None,
+    seed: Annotated[int, SEED] = 1,
     reference_spp: Annotated[
         int, typer.Option(help="Of the reference; 0: 16 times the largest --spp.")
     ] = 0,
-    device: Annotated[
-        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
-    ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Small pictures, few samples: under a minute.")
-    ] = False,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", help="Replace a value of every scene: PATH=VALUE.")
-    ] = None,
+    device: DeviceName = None,
+    quick: Annotated[bool, QUICK] = False,
+    overrides: Overrides = None,
 ) -> None:
     """Compare the error of samplers over run time, against a reference, with intervals."""
     from furcl.bench import convergence as bench
     from furcl.bench.convergence_plan import QUICK_SPP, SAMPLING, SPP, Plan, quick_scene
+    from furcl.fibre import samplers
     from furcl.report.convergence import interval, write_report
     from furcl.scene.read import load_scene
 
-    loaded = [load_scene(scene_path(s), overrides=overrides or (), size=size) for s in scenes]
+    loaded = [load_scene(scene, overrides=overrides or (), size=size) for scene in scenes]
     if quick:
         loaded = [quick_scene(scene, keep_size=size is not None) for scene in loaded]
+    own = [samplers.register(path.stem, path).name for path in sampler or ()]
     plan = Plan(
         tuple(loaded),
-        sampling=tuple(sampling.split(",")) if sampling else SAMPLING,
+        sampling=(*(sampling.split(",") if sampling else SAMPLING), *own),
         spp=_numbers(spp) if spp else QUICK_SPP if quick else SPP,
         runs=runs,
         seed=seed,

@@ -9,21 +9,19 @@ from typing import Annotated
 
 import typer
 
-from furcl.cli.options import DeviceName, Out
+from furcl.cli.options import QUICK, SEED, DeviceName, Folder
 
 log = logging.getLogger(__name__)
 
 
 def stability(
-    output: Out,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="10^5 random points, few widths and scenes.")
-    ] = False,
+    output: Folder,
+    quick: Annotated[bool, QUICK] = False,
     points: Annotated[
         int | None, typer.Option(help="Random points; 10^7, with --quick 10^5.")
     ] = None,
     renders: Annotated[bool, typer.Option(help="Also render the scenes of scenes/extreme.")] = True,
-    seed: Annotated[int, typer.Option(help="Of fibres, points and random numbers.")] = 1,
+    seed: Annotated[int, SEED] = 1,
     device: DeviceName = None,
 ) -> None:
     """Compare the device with float64 at the ends of all ranges, and render stiff scenes."""

@@ -7,26 +7,26 @@ from typing import Annotated
 import typer
 
 from furcl.cli.console import print_table
-from furcl.cli.options import DeviceName, Out, Overrides
-from furcl.cli.render import scene_path
-
-Scenes = Annotated[list[str], typer.Argument(help="TOML scenes, or names of furcl's own.")]
+from furcl.cli.options import ROUNDS, SPP, DeviceName, Folder, Overrides, SceneNames, WaveSize
 
 
 def stages(
-    scenes: Scenes,
-    out: Out,
+    scenes: SceneNames,
+    out: Folder,
     device: DeviceName = None,
-    spp: Annotated[int, typer.Option(help="Samples per pixel that are timed.")] = 8,
-    rounds: Annotated[int, typer.Option(min=1, help="The one of median time is shown.")] = 1,
-    wave_size: Annotated[int | None, typer.Option(min=1, help="Paths traced together.")] = None,
+    spp: Annotated[int, SPP] = 8,
+    rounds: Annotated[int, ROUNDS] = 1,
+    wave_size: WaveSize = None,
     overrides: Overrides = None,
 ) -> None:
-    """Time every kernel of renders, and the renders beside their rays alone."""
+    """Time every kernel of renders, and the renders beside their rays alone.
+
+    Of several rounds the one of median time is shown.
+    """
     from furcl.bench import stages as bench
 
     results = bench.run(
-        [scene_path(scene) for scene in scenes],
+        scenes,
         out,
         device=device,
         spp=spp,
@@ -45,14 +45,14 @@ def stages(
 
 
 def waves(
-    scenes: Scenes,
-    out: Out,
+    scenes: SceneNames,
+    out: Folder,
     sizes: Annotated[str, typer.Option(help="Paths; compared with the first.")] = (
         "32768,16384,65472,131072"
     ),
     device: DeviceName = None,
-    spp: Annotated[int, typer.Option(help="Samples per pixel of a round.")] = 1,
-    rounds: Annotated[int, typer.Option(min=1, help="Rounds of every size.")] = 7,
+    spp: Annotated[int, SPP] = 1,
+    rounds: Annotated[int, ROUNDS] = 7,
     overrides: Overrides = None,
 ) -> None:
     """Compare wave sizes, and the one that a probe chooses."""
@@ -63,7 +63,7 @@ def waves(
     except ValueError:
         raise typer.BadParameter(f"{sizes!r}: give numbers such as 32768,65472") from None
     results = bench.run(
-        [scene_path(scene) for scene in scenes],
+        scenes,
         out,
         sizes=numbers,
         device=device,

@@ -6,15 +6,14 @@ from typing import Annotated
 
 import typer
 
-from furcl.cli.options import DeviceName, Out, Overrides
-from furcl.cli.render import scene_path
+from furcl.cli.options import SIZE, DeviceName, Folder, Overrides, SceneName
 
 
 def start(
-    scene: Annotated[str, typer.Argument(help="A TOML scene, or one that comes with furcl.")],
-    out: Out,
+    scene: SceneName,
+    out: Folder,
     device: DeviceName = None,
-    size: Annotated[str, typer.Option(help="Film size, WIDTHxHEIGHT.")] = "512x512",
+    size: Annotated[str, SIZE] = "512x512",
     runs: Annotated[int, typer.Option(help="Runs with full caches.")] = 5,
     overrides: Overrides = None,
 ) -> None:
@@ -22,7 +21,7 @@ def start(
     from furcl.bench import start as bench
 
     results = bench.run(
-        scene_path(scene),
+        scene,
         out,
         device=device,
         size=size,

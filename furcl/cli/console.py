@@ -19,7 +19,7 @@ class _Handler(logging.Handler):
         print(f"furcl: {self.format(record)}", file=sys.stderr)  # which a progress bar catches
 
 
-def set_up_logging(*, verbose: bool, quiet: bool) -> None:
+def set_up_logging(*, verbose: bool = False, quiet: bool = False) -> None:
     """Send furcl's log to standard error, above a progress bar that may be there."""
     log.handlers[:] = [_Handler()]
     log.propagate = False

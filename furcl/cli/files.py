@@ -7,47 +7,40 @@ from typing import Annotated
 
 import typer
 
-from furcl.cli.render import scene_path
+from furcl.cli.options import DeviceName, Overrides
 
 
 def info(
     file: Annotated[
         str, typer.Argument(help="A scene (.toml), the name of one of furcl's, or a groom.")
     ],
-    device: Annotated[
-        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", help="Replace a value of a scene: PATH=VALUE.")
-    ] = None,
+    device: DeviceName = None,
+    overrides: Overrides = None,
 ) -> None:
     """Facts about a scene or a groom: counts, bounds, lobe shares, features, memory.
 
     What a scene needs of a device is found by setting up its render. Nothing is rendered.
     """
-    from furcl.render.info import describe
+    from furcl.cli import facts
+    from furcl.errors import NoDeviceError
+    from furcl.scene.read import find_scene, load_scene
 
-    path = scene_path(file)
-    _print_facts(describe(path, overrides or ()))
-    if path.suffix.lower() == ".toml":
-        _print_facts(_device_facts(path, overrides or [], device))
+    path = find_scene(file)
+    if path.suffix.lower() != ".toml":
+        _print_facts(facts.of_groom(path))
+        return
+    scene = load_scene(path, overrides=overrides or ())
+    _print_facts(facts.of_scene(scene))
+    try:
+        _print_facts(facts.on_device(scene, device))
+    except NoDeviceError as error:
+        reason = f"none, so what the scene needs of it is not known: {error}"
+        _print_facts({"device": reason})
 
 
 def _print_facts(facts: dict[str, str]) -> None:
     for name, value in facts.items():
         typer.echo(f"{name:<20} {value}")
-
-
-def _device_facts(path: Path, overrides: list[str], device: str | None) -> dict[str, str]:
-    """What a scene needs of a device; without one, only that."""
-    from furcl.errors import NoDeviceError
-    from furcl.render.info_device import describe
-    from furcl.scene.read import load_scene
-
-    try:
-        return describe(load_scene(path, overrides=overrides), device)
-    except NoDeviceError as error:
-        return {"device": f"none, so what the scene needs of it is not known: {error}"}
 
 
 def convert(

@@ -1,4 +1,7 @@
-"""Options that several benchmarks share."""
+"""The arguments and options that several commands share: each is declared here, once.
+
+Those whose type or default differs between commands are options alone, to be put into `Annotated`.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,29 @@ from typing import Annotated
 
 import typer
 
-Out = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
+SceneName = Annotated[
+    str, typer.Argument(help="A TOML scene, or the name of one that comes with furcl.")
+]
+SceneNames = Annotated[
+    list[str], typer.Argument(help="TOML scenes, or names of those that come with furcl.")
+]
+Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
 DeviceName = Annotated[
     str | None, typer.Option("--device", help="Number in `furcl devices`, P:D, or part of a name.")
 ]
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
 ]
+WaveSize = Annotated[
+    int | None,
+    typer.Option(min=1, help="Paths traced together; changes the speed, not the picture."),
+]
+
+SIZE = typer.Option("--size", help="Film size, WIDTHxHEIGHT.")
+SPP = typer.Option("--spp", min=1, help="Samples per pixel; of a benchmark, in each round.")
+SEED = typer.Option("--seed", help="All random numbers follow from it.")
+ROUNDS = typer.Option("--rounds", min=1, help="Times that each is measured.")
+QUICK = typer.Option("--quick", help="Small and few, to try the command.")
+SAMPLER_FILE = typer.Option(
+    "--sampler", help="A sampler of your own, FILE.clh: registered under its name and used."
+)

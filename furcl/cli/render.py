@@ -14,6 +14,16 @@ from typing import Annotated
 import typer
 
 from furcl.cli.console import progress_report
+from furcl.cli.options import (
+    SAMPLER_FILE,
+    SEED,
+    SIZE,
+    SPP,
+    DeviceName,
+    Overrides,
+    SceneName,
+    WaveSize,
+)
 
 log = logging.getLogger(__name__)
 
@@ -43,51 +53,39 @@ def interruptible() -> Iterator[_Interrupt]:
         signal.signal(signal.SIGINT, before)
 
 
-def scene_path(name: str) -> Path:
-    """A scene file, or the scene of that name which comes with furcl."""
-    from furcl.paths import scene_folder
-
-    path = Path(name)
-    shipped = (scene_folder() / path.name).with_suffix(".toml")
-    return shipped if not path.exists() and path.parent == Path() and shipped.exists() else path
-
-
 def render(
-    scene: Annotated[
-        str, typer.Argument(help="A TOML scene, or the name of one that comes with furcl.")
-    ],
+    scene: SceneName,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="OUT.exr; a PNG preview is written beside it."),
     ],
-    spp: Annotated[int | None, typer.Option(help="Samples per pixel.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of the random numbers.")] = None,
-    size: Annotated[str | None, typer.Option(help="Film size, WIDTHxHEIGHT.")] = None,
+    spp: Annotated[int | None, SPP] = None,
+    seed: Annotated[int | None, SEED] = None,
+    size: Annotated[str | None, SIZE] = None,
     sampling: Annotated[
         str | None, typer.Option(help="uniform-h, attenuation-cdf or full-cdf.")
     ] = None,
+    sampler: Annotated[Path | None, SAMPLER_FILE] = None,
     max_depth: Annotated[int | None, typer.Option(help="Longest path, in bounces.")] = None,
-    device: Annotated[
-        str | None, typer.Option(help="Number in `furcl devices`, P:D, or part of a name.")
-    ] = None,
+    device: DeviceName = None,
     time_limit: Annotated[
         float | None, typer.Option(help="Stop after so many seconds and write what is there.")
     ] = None,
     stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
-    wave_size: Annotated[
-        int | None,
-        typer.Option(min=1, help="Paths traced together; changes the speed, not the picture."),
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
-    ] = None,
+    wave_size: WaveSize = None,
+    overrides: Overrides = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
+    from furcl.fibre import samplers
     from furcl.scene.read import load_scene
 
     _check_outputs(output, stats)
+    if sampler:
+        if sampling:
+            raise typer.BadParameter("--sampler and --sampling name two samplers; keep one")
+        sampling = samplers.register(sampler.stem, sampler).name
     loaded = load_scene(
-        scene_path(scene),
+        scene,
         overrides=overrides or (),
         spp=spp,
         seed=seed,

@@ -17,6 +17,7 @@ from furcl.paths import cache_folder, kernel_folder
 
 SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 PROVISION = "python -m furcl.install.provision"
+CPU_RUNTIME = f"{PROVISION}; or as root: {provision.DEBIAN_COMMAND}"
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def _check_runtimes() -> Iterator[Finding]:
     if Path("/proc/driver/nvidia/version").exists() and not any(
         "nvidia" in icd.name.lower() for folder in vendor_folders() for icd in folder.glob("*.icd")
     ):
-        remedy = "apt-get install nvidia-opencl-icd"
+        remedy = "as root: apt-get install nvidia-opencl-icd"
         yield Finding("warning", "NVIDIA GPU", "its OpenCL runtime is not installed", remedy)
 
 
@@ -129,7 +130,9 @@ def _check_devices() -> Iterator[Finding]:
         yield Finding("error", "OpenCL", found, "remove the runtime listed last above")
         return
     if "PLATFORM_NOT_FOUND" in done.stderr:
-        yield Finding("error", "OpenCL", "no platform: no runtime is installed or found", PROVISION)
+        yield Finding(
+            "error", "OpenCL", "no platform: no runtime is installed or found", CPU_RUNTIME
+        )
         return
 
     from furcl.device.choice import list_candidates
@@ -137,7 +140,7 @@ def _check_devices() -> Iterator[Finding]:
     candidates = list_candidates()
     if not candidates:
         found = "there is a platform, but it has no device (a GPU's may not be readable for you)"
-        yield Finding("error", "OpenCL", found, f"{PROVISION}; for a GPU join the group render")
+        yield Finding("error", "OpenCL", found, f"{CPU_RUNTIME}; for a GPU join the group render")
         return
     passed = 0
     for candidate in candidates:
@@ -150,7 +153,7 @@ def _check_devices() -> Iterator[Finding]:
             found = f"{candidate.description} is not usable: {verdict.reason}"
             yield Finding("warning", what, found, "another runtime; furcl passes this one over")
     if not passed:
-        yield Finding("error", "OpenCL", "no device passes the self-test", PROVISION)
+        yield Finding("error", "OpenCL", "no device passes the self-test", CPU_RUNTIME)
 
 
 def diagnose() -> Iterator[Finding]:

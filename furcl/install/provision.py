@@ -2,6 +2,9 @@
 
 In this order, stopping at the first that works: what is there already, PoCL from PyPI, PoCL from
 Debian or Ubuntu, Intel's CPU runtime from PyPI. `--add NAME` installs one of them in any case.
+
+Packages of the system are installed with `--system` only, as `make` does; else the command that
+would do it is named.
 """
 
 from __future__ import annotations
@@ -11,7 +14,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
@@ -20,6 +23,8 @@ from pathlib import Path
 from furcl.errors import FurclError
 
 LOCKS = Path(__file__).parent / "runtimes"
+DEBIAN_PACKAGE = "pocl-opencl-icd"
+DEBIAN_COMMAND = f"apt-get install {DEBIAN_PACKAGE}"
 
 
 class StepImpossibleError(FurclError):
@@ -28,12 +33,21 @@ class StepImpossibleError(FurclError):
 
 @dataclass(frozen=True)
 class Step:
-    """A way to get an OpenCL runtime; `remove` undoes `install`, None leaves it alone."""
+    """A way to get an OpenCL runtime.
+
+    Attributes
+    ----------
+    name, title : str       for `--add`, and for people
+    install : callable      raises StepImpossibleError
+    remove : callable       undoes it; None: it is left alone
+    by_hand : str           for a package of the system the command that installs it
+    """
 
     name: str
     title: str
     install: Callable[[], None]
     remove: Callable[[], None] | None
+    by_hand: str = ""
 
 
 def _run(*command: str) -> None:
@@ -116,20 +130,20 @@ def _as_root(*command: str) -> tuple[str, ...]:
         or subprocess.run(["sudo", "--non-interactive", "true"], capture_output=True).returncode
     ):
         raise StepImpossibleError(
-            "it needs root or sudo without a password; as root: apt-get install pocl-opencl-icd"
+            f"it needs root or sudo without a password; as root: {DEBIAN_COMMAND}"
         )
     return ("sudo", "--non-interactive", *command)
 
 
 def _install_debian() -> None:
     _run(*_as_root("apt-get", "update", "--quiet=2"))
-    _run(*_as_root("apt-get", "install", "--quiet=2", "--yes", "pocl-opencl-icd"))
+    _run(*_as_root("apt-get", "install", "--quiet=2", "--yes", DEBIAN_PACKAGE))
 
 
 STEPS = (
     Step("pocl", "PoCL from PyPI", lambda: _install_lock("pocl"), lambda: _remove_lock("pocl")),
     # A system package that does not help is left alone: other programs may want it.
-    Step("debian", "PoCL from the distribution", _install_debian, None),
+    Step("debian", "PoCL from the distribution", _install_debian, None, DEBIAN_COMMAND),
     Step("intel", "Intel's CPU runtime from PyPI (0.9 GB)", _install_intel, _remove_intel),
 )
 
@@ -141,15 +155,24 @@ def devices_usable() -> bool:
     return subprocess.run(command, env=environment).returncode == 0
 
 
-def provision(steps: tuple[Step, ...] = STEPS) -> bool:
-    """Try each step until a device passes the self-test; True if one does."""
+def _install(step: Step, system: bool) -> None:
+    if step.by_hand and not system:
+        raise StepImpossibleError(f"it is left to you; as root: {step.by_hand}")
+    step.install()
+
+
+def provision(steps: Sequence[Step], *, system: bool = False) -> bool:
+    """Try each step until a device passes the self-test; True if one does.
+
+    `system` says whether packages of the system may be installed.
+    """
     print("OpenCL devices of this machine:", flush=True)
     if devices_usable():
         return True
     for step in steps:
         print(f"Trying {step.title}:", flush=True)
         try:
-            step.install()
+            _install(step, system)
         except StepImpossibleError as error:
             print(f"  not possible: {error}", flush=True)
             continue
@@ -165,20 +188,23 @@ def main() -> int:
     """Entry point; 0 if a device is usable at the end, else 3."""
     parser = argparse.ArgumentParser(prog="python -m furcl.install.provision", description=__doc__)
     parser.add_argument("--add", choices=[step.name for step in STEPS], help="install this one")
-    wanted = parser.parse_args().add
+    parser.add_argument(
+        "--system", action="store_true", help="packages of the system too, as root or by sudo"
+    )
+    given = parser.parse_args()
     for step in STEPS:
-        if step.name == wanted:
+        if step.name == given.add:
             try:
-                step.install()
+                _install(step, given.system)
             except StepImpossibleError as error:
                 print(f"{step.title}: not possible: {error}", file=sys.stderr)
                 return 3
-    if provision():
+    if provision(STEPS, system=given.system):
         return 0
     print(
         "No OpenCL device passes the self-test and none could be installed. `furcl doctor` tells "
-        "what is wrong with each; install a driver for your GPU or a CPU runtime, such as the "
-        "package pocl-opencl-icd, and run `python -m furcl.install.provision` again.",
+        f"what is wrong with each; install a driver for your GPU or a CPU runtime (as root: "
+        f"{DEBIAN_COMMAND}), and run `python -m furcl.install.provision` again.",
         file=sys.stderr,
     )
     return 3

@@ -1,0 +1,166 @@
+"""What `furcl info` says of a groom, of a scene, and of what a scene needs of a device."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.groom.curves import Curves
+from furcl.groom.formats import load_curves
+from furcl.scene.tables import Scene
+
+if TYPE_CHECKING:  # facts of grooms need no OpenCL
+    from furcl.device.choice import Device
+    from furcl.fibre.double_cylinder.profiles import MedullaProfiles
+    from furcl.fibre.material import FibreMaterial
+
+
+def of_groom(path: Path) -> dict[str, str]:
+    """Counts, lengths, radii and bounds of a groom file.
+
+    Raises
+    ------
+    GroomError      if the file cannot be used
+    """
+    return {"groom": str(path), **_of_curves(load_curves(path))}
+
+
+def of_scene(scene: Scene) -> dict[str, str]:
+    """What a scene holds; needs no device.
+
+    Raises
+    ------
+    GroomError, ImageError      if a file that the scene names cannot be used
+    """
+    film, render = scene.film, scene.render
+    fibre = scene.build_fibre()
+    return {
+        "scene": scene.name,
+        "film": f"{film.width} x {film.height}, {film.filter} filter",
+        "fibre": f"{fibre.model}: {_parameters(fibre)}",
+        "fibre's source": getattr(fibre, "provenance", "given by the user"),
+        "environment": _environment(scene),
+        "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
+        **_of_curves(scene.build_curves()),
+    }
+
+
+def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str]:
+    """Lobe shares, medulla tables, features and memory of a scene on a device.
+
+    Sets a render up to its first sample, so that nothing here is an estimate.
+
+    Raises
+    ------
+    DeviceError, GroomError, SceneError, ResourceError, KernelBuildError
+    """
+    from furcl.render.renderer import Renderer
+    from furcl.render.specialise import compiled_in, left_out
+
+    renderer = Renderer(scene, device)
+    opened, material = renderer.device, renderer.material
+    return {
+        "device": f"{opened.name}, {opened.platform}, driver {opened.driver_version}",
+        **_of_double_cylinder(material, opened),
+        "compiled in": ", ".join(compiled_in(material)),
+        **{f"no {name}": why for name, why in left_out(material).items()},
+        **_memory(renderer.memory.bytes),
+        "set-up": ", ".join(f"{name} {t:.2f} s" for name, t in renderer.seconds.items()),
+    }
+
+
+def _parameters(fibre: Any) -> str:
+    """Every parameter; three equal channels as one number."""
+    if not dataclasses.is_dataclass(fibre):
+        return str(fibre)
+    parts = []
+    for field in dataclasses.fields(fibre):
+        if not field.compare:
+            continue
+        channels = np.atleast_1d(getattr(fibre, field.name)).tolist()
+        shown = channels if len(set(channels)) > 1 else channels[:1]
+        unit = " deg" if field.name.endswith("_deg") else ""
+        numbers = "/".join(f"{x:.4g}" for x in shown)
+        parts.append(f"{field.name.removesuffix('_deg')} {numbers}{unit}")
+    return ", ".join(parts)
+
+
+def _environment(scene: Scene) -> str:
+    clamped = scene.build_light().n_negative
+    found = f", {clamped} pixels below zero set to zero" if clamped else ""
+    return f"{scene.environment}{found}"
+
+
+def _of_curves(curves: Curves) -> dict[str, str]:
+    per_strand = np.diff(curves.offsets)
+    lower, upper = curves.bounds()
+    lengths = np.linalg.norm(np.diff(curves.points, axis=0), axis=1)[curves.segment_vertices()]
+    dropped = ", ".join(f"{count} {name}" for name, count in curves.dropped.items())
+    return {
+        "strands": f"{curves.n_strands}",
+        "points": f"{curves.n_points} ({per_strand.min()} to {per_strand.max()} a strand)",
+        "segments": f"{curves.n_segments}",
+        "segment length": f"{np.median(lengths):.4g} (median), {lengths.max():.4g} (largest)",
+        "radius": f"{curves.radii.min():.4g} to {curves.radii.max():.4g}",
+        "bounds": f"{_point(lower)} to {_point(upper)}",
+        "memory": f"{curves.n_bytes / 2**20:.1f} MiB on the host",
+        "left out on reading": dropped or "nothing",
+    }
+
+
+def _point(p: np.ndarray) -> str:
+    return "(" + ", ".join(f"{x:.4g}" for x in p) + ")"
+
+
+def _of_double_cylinder(material: FibreMaterial, device: Device) -> dict[str, str]:
+    """Shares of the lobes over isotropic fibres, beside them the paper's for its three fibres, and
+    the medulla's tables; nothing for other models."""
+    from furcl.fibre.double_cylinder import reference
+    from furcl.fibre.double_cylinder.paper import LOBE_SHARES
+
+    fibre = material.fibre
+    if not isinstance(fibre, Fibre):
+        return {}
+    # A render that leaves the scattered lobes out may still be of a fibre that has them.
+    profiles = material.profiles or material.model.prepare(device, fibre)
+    ours = reference.lobe_shares(fibre, profiles)
+    lines = {"lobe shares": _percentages([100.0 * ours[lobe] for lobe in reference.LOBES])}
+    for name, shares in LOBE_SHARES.items():
+        if Fibre.preset(name) == fibre:
+            lines["shares in the paper"] = _percentages(shares)
+    return {**lines, "medulla tables": _medulla(profiles)}
+
+
+def _percentages(shares: Sequence[float]) -> str:
+    from furcl.fibre.double_cylinder.reference import LOBES
+
+    return ", ".join(f"{lobe} {share:.3g} %" for lobe, share in zip(LOBES, shares, strict=True))
+
+
+def _medulla(profiles: MedullaProfiles | None) -> str:
+    if profiles is None:
+        return "none: the medulla scatters nothing"
+    return (
+        f"{profiles.pack().nbytes / 1e3:.0f} kB, largest relative standard error "
+        f"{profiles.relative_error:.2%}, {profiles.photons / 1e6:.1f} million photons"
+    )
+
+
+def _memory(held: dict[str, int]) -> dict[str, str]:
+    from furcl.bvh import build
+
+    groups = {
+        "geometry": build.BUFFERS,
+        "material": ("material",),
+        "film": ("film", "film samples", "nonfinite"),
+    }
+    sizes = {name: sum(held[part] for part in parts) for name, parts in groups.items()}
+    sizes["environment"] = held["light"]
+    sizes["path state"] = sum(held.values()) - sum(sizes.values())
+    parts = ", ".join(f"{name} {size / 2**20:.2f}" for name, size in sizes.items())
+    return {"device memory": f"{sum(held.values()) / 2**20:.2f} MiB: {parts}"}
