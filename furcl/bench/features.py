@@ -5,13 +5,15 @@ from __future__ import annotations
 import io
 import logging
 import os
-import time
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from furcl.bench.pairs import in_turns
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import Device, open_device
 from furcl.image.image import Image
@@ -59,13 +61,8 @@ def run(
         pair = {name: Renderer(scene, opened, specialised=name == "specialised") for name in BUILDS}
         for renderer in pair.values():
             renderer.advance(1)
-        seconds: dict[str, list[float]] = {name: [] for name in BUILDS}
-        for _ in range(rounds):
-            for name, renderer in pair.items():
-                start = time.perf_counter()
-                renderer.advance(spp)
-                seconds[name].append(time.perf_counter() - start)
-        rows.append(_row(scene.name, pair, seconds))
+        turns = in_turns({name: partial(r.advance, spp) for name, r in pair.items()}, rounds)
+        rows.append(_row(scene.name, pair, {name: took.wall for name, took in turns.items()}))
     results = {
         **circumstances(opened),
         "size": size,
@@ -77,8 +74,10 @@ def run(
     return results
 
 
-def _row(name: str, pair: dict[str, Renderer], seconds: dict[str, list[float]]) -> dict[str, Any]:
-    lean, full = (np.array(seconds[build]) for build in BUILDS)
+def _row(
+    name: str, pair: dict[str, Renderer], seconds: dict[str, NDArray[np.float64]]
+) -> dict[str, Any]:
+    lean, full = (seconds[build] for build in BUILDS)
     images = [pair[build].image() for build in BUILDS]
     return {
         "scene": name,
@@ -92,7 +91,7 @@ def _row(name: str, pair: dict[str, Renderer], seconds: dict[str, list[float]]) 
     }
 
 
-def _build_facts(renderer: Renderer, seconds: list[float]) -> dict[str, Any]:
+def _build_facts(renderer: Renderer, seconds: NDArray[np.float64]) -> dict[str, Any]:
     return {
         "render_seconds": float(np.median(seconds)),
         "state_and_table_bytes": _state_and_table_bytes(renderer),

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import logging
 import os
-import time
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from furcl.bench.pairs import in_turns, median_interval
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import Device, open_device
 from furcl.render.renderer import Renderer
 from furcl.scene.read import load_scene
 from furcl.scene.tables import Scene
-
-log = logging.getLogger(__name__)
 
 
 def run(
@@ -26,68 +25,43 @@ def run(
     *,
     sizes: Sequence[int],
     device: str | Device | None = None,
-    spp: int = 1,
-    rounds: int = 7,
+    spp: int = 4,
+    rounds: int = 11,
     overrides: Iterable[str] = (),
 ) -> dict[str, Any]:
-    """Render scenes with waves of fixed sizes and of the size that a probe chooses.
+    """Render scenes with waves of given sizes [paths], which take turns of `spp` samples.
 
-    Rounds of `spp` samples alternate between the sizes, so that a machine whose speed drifts treats
-    all alike. Writes results.json to `out`.
-
-    Parameters
-    ----------
-    sizes : sequence of int     [paths]; the others are compared with the first
+    Writes results.json to `out`.
 
     Returns
     -------
-    dict    `scenes`: for each the wave size `chosen`, where it is `chosen_from`, and `rows`: size
-            [paths] or "chosen", median `mpaths_s`, and `ratio`, the median over the rounds of the
-            first size's time over this one's
+    dict    `scenes`: for each `rows`: size [paths], median `mpaths_s`, and medians over the rounds
+            of the first size's seconds over this one's, with intervals: `ratio` of wall seconds and
+            `cpu_ratio` of processor seconds (None on GPUs)
     """
     opened = device if isinstance(device, Device) else open_device(device)
     overrides = list(overrides)
-    results = {
-        **circumstances(opened),
-        "spp": spp,
-        "rounds": rounds,
-        "scenes": [
-            _compare(load_scene(path, overrides=overrides), opened, sizes, spp, rounds)
-            for path in scenes
-        ],
-    }
+    found = [load_scene(path, overrides=overrides) for path in scenes]
+    rows = [{"scene": s.name, "rows": _compare(s, opened, sizes, spp, rounds)} for s in found]
+    results = {**circumstances(opened), "spp": spp, "rounds": rounds, "scenes": rows}
     write_json(results, Path(out) / "results.json")
     return results
 
 
 def _compare(
     scene: Scene, device: Device, sizes: Sequence[int], spp: int, rounds: int
-) -> dict[str, Any]:
-    log.info("%s", scene.name)
-    renderers = {size: Renderer(scene, device, size) for size in (*sizes, None)}
+) -> list[dict[str, Any]]:
+    renderers = {size: Renderer(scene, device, size) for size in sizes}
     for renderer in renderers.values():
         renderer.advance(1)
-        renderer.settle()
-    seconds: dict[int | None, list[float]] = {size: [] for size in renderers}
-    for _ in range(rounds):
-        for size, renderer in renderers.items():
-            start = time.perf_counter()
-            renderer.advance(spp)
-            seconds[size].append(time.perf_counter() - start)
-    chosen = renderers[None]
-    first = np.array(seconds[sizes[0]])
-    paths = spp * chosen.n_pixels
-    rows = [
+    turns = in_turns({s: partial(r.advance, spp) for s, r in renderers.items()}, rounds)
+    first, n_paths = turns[sizes[0]], spp * renderers[sizes[0]].n_pixels
+    return [
         {
-            "size": size or "chosen",
-            "mpaths_s": paths / float(np.median(times)) / 1e6,
-            "ratio": float(np.median(first / np.array(times))),
+            "size": size,
+            "mpaths_s": n_paths / float(np.median(took.wall)) / 1e6,
+            "ratio": asdict(median_interval(first.wall / took.wall)),
+            "cpu_ratio": asdict(median_interval(first.cpu / took.cpu)) if device.is_cpu else None,
         }
-        for size, times in seconds.items()
+        for size, took in turns.items()
     ]
-    return {
-        "scene": scene.name,
-        "chosen": chosen.wave_size.paths,
-        "chosen_from": chosen.wave_size.origin,
-        "rows": rows,
-    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -51,11 +51,11 @@ def waves(
         "32768,16384,65472,131072"
     ),
     device: DeviceName = None,
-    spp: Annotated[int, SPP] = 1,
-    rounds: Annotated[int, ROUNDS] = 7,
+    spp: Annotated[int, SPP] = 4,
+    rounds: Annotated[int, ROUNDS] = 11,
     overrides: Overrides = None,
 ) -> None:
-    """Compare wave sizes, and the one that a probe chooses."""
+    """Compare wave sizes, which take turns."""
     from furcl.bench import waves as bench
 
     try:
@@ -71,7 +71,23 @@ def waves(
         rounds=rounds,
         overrides=overrides or (),
     )
-    for scene in results["scenes"]:
-        print(f"{scene['scene']}: {scene['chosen']} chosen ({scene['chosen_from']})")
-        rows = [[row["size"], row["mpaths_s"], row["ratio"]] for row in scene["rows"]]
-        print_table(["paths", "M paths/s", "times faster"], rows)
+    rows = [
+        [
+            scene["scene"],
+            row["size"],
+            row["mpaths_s"],
+            _median(row["ratio"]),
+            _median(row["cpu_ratio"]),
+        ]
+        for scene in results["scenes"]
+        for row in scene["rows"]
+    ]
+    print_table(["scene", "paths", "M paths/s", "times faster", "by processor seconds"], rows)
+
+
+def _median(found: dict[str, Any] | None) -> str:
+    """A median as "median [low, high]"."""
+    if found is None:
+        return "-"
+    ends = "" if found["low"] is None else f" [{found['low']:.3f}, {found['high']:.3f}]"
+    return f"{found['median']:.3f}{ends}"
