@@ -1,0 +1,97 @@
+"""What pages and comments point to is there: links, files, names, sections and papers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import documents
+import pytest
+
+PAGES = documents.texts(".md")
+TEXTS = documents.texts(".md", ".py", ".cl", ".clh", ".sh", ".toml")
+SOURCES = {name: text for name, text in TEXTS.items() if name.endswith((".py", ".cl", ".clh"))}
+REFERENCES = "docs/references.md"
+CITING = {
+    name: text
+    for name, text in TEXTS.items()
+    if name != REFERENCES and not name.startswith("tests/")
+}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    for link in documents.links(PAGES[page]):
+        file, _, anchor = link.partition("#")
+        target = documents.REPOSITORY / Path(page).parent / file if file else Path(page)
+        assert (documents.REPOSITORY / target).exists(), link
+        if anchor:
+            titles = documents.headings((documents.REPOSITORY / target).read_text())
+            assert anchor in map(documents.anchor, titles), link
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_that_a_page_names_exist(page):
+    missing = [p for p in documents.paths(PAGES[page]) if not (documents.REPOSITORY / p).exists()]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_names_that_a_page_uses_can_be_imported(page):
+    assert not [n for n in documents.dotted_names(PAGES[page]) if not documents.exists(n)]
+
+
+def test_files_and_names_in_comments_exist():
+    """Of paths only those that name a file: a folder may be one that a program makes."""
+    missing = []
+    for source, text in SOURCES.items():
+        files = [path for path in documents.paths(text) if Path(path).suffix]
+        missing += [(source, f) for f in files if not (documents.REPOSITORY / f).exists()]
+        names = set(documents.dotted_names(text))
+        missing += [(source, name) for name in names if not documents.exists(name)]
+    assert not missing
+
+
+def test_sections_that_comments_cite_exist():
+    titles = {Path(page).name: documents.headings(text) for page, text in PAGES.items()}
+    cited = [
+        (source, page, text)
+        for source in SOURCES
+        for page, text in documents.sections(documents.flowing(TEXTS[source]))
+    ]
+    assert cited
+    assert not [c for c in cited if not any(c[2].startswith(t) for t in titles.get(c[1], []))]
+
+
+def entries() -> dict[str, set[tuple[str, str]]]:
+    """What the bibliography calls a paper, with its first author and year if it states one."""
+    names = re.findall(r"^\* \*\*(.+?)\.\*\*", PAGES[REFERENCES], re.M)
+    return {name: documents.papers(name) for name in names}
+
+
+def test_papers_that_are_cited_are_among_the_references():
+    cited = {key: name for name, text in CITING.items() for key in documents.papers(text)}
+    assert len(cited) > 20
+    listed = set().union(*entries().values())
+    assert not {key: name for key, name in cited.items() if key not in listed}
+
+
+def test_references_are_cited():
+    elsewhere = " ".join(CITING.values())
+    authors = {name: re.split(r",| et | and | \d", name)[0] for name in entries()}
+    assert not [name for name, author in authors.items() if author not in elsewhere]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("by Yan et al. 2015 and 2017 for", {("Yan", "2015"), ("Yan", "2017")}),
+        ("(d'Eon et\n# al. 2011, 2013)", {("d'Eon", "2011"), ("d'Eon", "2013")}),
+        ("d'Eon, Marschner and Hanika 2014", {("d'Eon", "2014")}),
+        ("by Giles' (2010) inverse", {("Giles", "2010")}),
+        ("(Kahan 1965)", {("Kahan", "1965")}),
+        ("Intel 2026.22 on AMD EPYC, 2 cores, 2026-11-22", set()),
+    ],
+)
+def test_citations_are_found(text, found):
+    assert documents.papers(text) == found
