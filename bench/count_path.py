@@ -1,4 +1,4 @@
-"""Files and lines that a path passes from the camera to the film: python bench/count_path.py [SCENE].
+"""Files and lines that a path passes from camera to film: python bench/count_path.py [SCENE].
 
 Of the kernels every file whose text is in a build of a render stage, includes expanded by the code
 that builds; of Python every file of furcl that runs while waves are traced, seen by the interpreter
@@ -54,8 +54,7 @@ def _files_of(text: str) -> set[Path]:
     """The files that an expanded kernel names; what is generated is in none."""
     names = set(re.findall(r'^#line 1 "(.+)"$', text, re.M))
     folder = kernel_folder()
-    found = {path for path in folder.rglob("*.cl*") for name in names if _is_at(path, name)}
-    return found
+    return {path for path in folder.rglob("*.cl*") for name in names if _is_at(path, name)}
 
 
 def _is_at(path: Path, name: str) -> bool:

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
+from typing import Any
 
 import documents
 import pytest
+import typer
+
+import furcl
+from furcl.cli import app
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.groom.formats import READERS, WRITERS
 
 PAGES = documents.texts(".md")
 TEXTS = documents.texts(".md", ".py", ".cl", ".clh", ".sh", ".toml")
@@ -95,3 +103,46 @@ def test_references_are_cited():
 )
 def test_citations_are_found(text, found):
     assert documents.papers(text) == found
+
+
+COMMANDS = sorted(
+    {
+        command
+        for page in PAGES.values()
+        for line in re.findall(r"^    (.+)$", page, re.M)
+        for command in re.findall(r"(?:^|/)furcl ([a-z].*)", line.partition("  #")[0])
+    }
+)
+
+
+def parse(command: str) -> None:
+    """Check names and options of a command line of furcl; files need not be there."""
+    found: Any = typer.main.get_command(app)
+    words = shlex.split(command)
+    while hasattr(found, "commands"):
+        found = found.commands[words.pop(0)]
+    found.make_context("furcl", words)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_are_understood(command):
+    parse(command)
+
+
+@pytest.mark.parametrize("wrong", ["bench wave x", "render x -o y --ssp 3", "compare x"])
+def test_wrong_commands_are_not_understood(wrong):
+    usage_error = typer.BadParameter.__base__
+    assert usage_error is not None
+    with pytest.raises((KeyError, usage_error)):
+        parse(wrong)
+
+
+def test_the_readme_names_formats_and_presets():
+    readme = PAGES["README.md"]
+    assert set(READERS) == set(WRITERS)
+    assert not [name for name in (*READERS, *Fibre.preset_names()) if f"`{name}`" not in readme]
+
+
+def test_the_citation_is_of_this_version():
+    citation = (documents.REPOSITORY / "CITATION.cff").read_text()
+    assert f"\nversion: {furcl.__version__}\n" in citation

@@ -67,7 +67,7 @@ def hair(
     Parameters
     ----------
     n_strands : int              strands, 1 .. 5e7
-    n_points : int               points a strand; None: enough for length and waves, 2 .. 4096
+    n_points : int               points a strand; if left out enough for length and waves, 2 .. 4096
     seed : int                   of the random numbers, 0 .. 2^63 - 1
     scalp_centre : (3,)          centre of the scalp, x y z, -1e6 .. 1e6 [unit]
     scalp_radii : (3,)           half axes of the scalp, x y z, 1e-3 .. 1e3 [unit]
@@ -76,7 +76,7 @@ def hair(
     hairline_side_deg : float    its elevation at the sides, -90 .. 90 [deg]
     hairline_back_deg : float    its elevation behind, -90 .. 90 [deg]
     style : str                  "straight", "wavy" or "curly": sets those of wave_amplitude,
-                                 wave_frequency and helix that are None
+                                 wave_frequency and helix that are left out
     length : float               of the longest strands, along their axis, 1e-4 .. 100 [unit]
     length_variation : float     v: lengths are uniform in length * [1 - v, 1], 0 .. 0.95
     radius : float               at the root, 1e-7 .. 1 [unit]
@@ -90,9 +90,11 @@ def hair(
     volume : float               height of the top layer above the scalp, 0.005 .. 1 [unit]
     n_clumps : int               clumps of about ten locks each; 0: none, 0 .. 1e6
     clumping : float             pull of the clump at the tip, 0 .. 1
-    wave_amplitude : float       of the waves or curls; None: that of the style, 0 .. 1 [unit]
-    wave_frequency : float       turns; None: that of the style, 0 .. 100 [turns / unit of length]
-    helix : float                0: a flat wave, 1: a round helix; None: that of the style, 0 .. 1
+    wave_amplitude : float       of the waves or curls; that of the style if left out, 0 .. 1
+                                 [unit]
+    wave_frequency : float       that of the style if left out, 0 .. 100 [turns / unit of length]
+    helix : float                0: a flat wave, 1: a round helix; that of the style if left out,
+                                 0 .. 1
     frizz : float                wander of single strands at the tip, 0 .. 1 [unit]
     flyaways : float             fraction of strands that leave their clump, 0 .. 1
 
