@@ -146,3 +146,17 @@ def test_the_readme_names_formats_and_presets():
 def test_the_citation_is_of_this_version():
     citation = (documents.REPOSITORY / "CITATION.cff").read_text()
     assert f"\nversion: {furcl.__version__}\n" in citation
+
+
+def test_architecture_names_what_is_in_its_files():
+    """Tables with a file in the first cell and names in the second."""
+    rows = re.findall(
+        r"^\| `([\w/.]+)` \| ((?:`\w+`(?:, )?)+) \|", PAGES["docs/architecture.md"], re.M
+    )
+    assert len(rows) > 20
+    missing = []
+    for file, cell in rows:
+        text = (documents.REPOSITORY / file).read_text()
+        names = re.findall(r"\w+", cell)
+        missing += [(file, name) for name in names if not re.search(rf"\b{name}\b", text)]
+    assert not missing
