@@ -1,8 +1,8 @@
 """Launches the random walks behind the medulla profiles and adds their counts up.
 
-The walks are in kernels/prepare/medulla.cl. Source: docs/model.md, Medulla profiles; estimators by
-expected value, forced collisions and the balance heuristic are classic (Spanier and Gelbard 1969,
-Veach 1997).
+The walks are in kernels/prepare/medulla.cl. Source: docs/model.md, Medulla; estimators by expected
+value, forced collisions and the balance heuristic are classic (Spanier and Gelbard 1969, Veach
+1997).
 """
 
 from __future__ import annotations
@@ -17,14 +17,16 @@ import pyopencl as cl
 from furcl.device import program
 from furcl.device.choice import Device
 from furcl.device.features import Features
-from furcl.device.layout import (
+from furcl.device.memory import Memory
+from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
+from furcl.fibre.double_cylinder.layout import (
+    MEDULLA_CYCLE,
     PROFILE_OFFSETS,
     PROFILE_PHIS,
     PROFILE_SINES,
     PROFILE_TAUS,
     PROFILE_THETAS,
 )
-from furcl.device.memory import Memory
 from furcl.fibre.double_cylinder.parameters import Fibre
 
 log = logging.getLogger(__name__)
@@ -41,9 +43,6 @@ TARGET_ERROR = 0.0195
 """Photons are added until every relative standard error is below this."""
 
 FIRST_PHOTONS = 24
-CYCLE = 24
-"""Longitudinal photons come in multiples of this (kernels/prepare/medulla.cl)."""
-
 COLLISION_BUDGET = 60e6
 MAX_ROUNDS = 8
 GROWTH = 5.0
@@ -177,13 +176,18 @@ def worst_errors(sums: np.ndarray) -> np.ndarray:
     return np.where(share > 0.01 / share.shape[-1], error, 0.0).max(axis=-1)
 
 
+def kernel_features(fibre: Fibre) -> Features:
+    """The features of kernels/prepare/medulla.cl."""
+    return Features(fibre=DoubleCylinderFeatures(profile_channels=absorption_channels(fibre)))
+
+
 class Walker:
     """The kernels of one fibre, ready to add photons."""
 
     def __init__(self, device: Device, fibre: Fibre, seed: int) -> None:
         self.channels = absorption_channels(fibre)
         self.plan = make_plan(fibre)
-        features = Features(profile_channels=self.channels)
+        features = kernel_features(fibre)
         self._program = program.build(device, "prepare/medulla.cl", features)
         self._device, self._g, self._seed = device, fibre.g, seed
         self.tally = Tally(
@@ -210,7 +214,8 @@ class Walker:
         tally.azimuth_photons[rows] += photons
 
     def add_longitudinal(self, photons: int) -> None:
-        """Trace `photons` more, a multiple of CYCLE, in each batch of the longitudinal rows."""
+        """Trace `photons` more, a multiple of MEDULLA_CYCLE, in each batch of the rows over
+        theta_i."""
         tally, plan = self.tally, self.plan
         shape = (1, BATCHES, 2 * PROFILE_THETAS, PROFILE_SINES)
         arrays = (plan.longitudinal, plan.incidence)
@@ -265,7 +270,7 @@ def simulate(device: Device, fibre: Fibre, seed: int, photons: int | None) -> Ta
     if photons is not None:
         first = -(-photons // BATCHES)
     walker.add_azimuth(everything, np.full(AZIMUTH_ROWS, first))
-    walker.add_longitudinal(CYCLE * first)
+    walker.add_longitudinal(MEDULLA_CYCLE * first)
     if photons is None:
         _improve(walker)
     log.debug("medulla profiles: %.3g collisions", tally.collisions)
@@ -289,7 +294,7 @@ def _improve(walker: Walker) -> None:
         more = (more * fits).astype(int)
         if (more > 0).any():
             walker.add_azimuth(poor[more > 0], more[more > 0])
-        more_longitudinal = int(more_longitudinal * fits) // CYCLE * CYCLE
+        more_longitudinal = int(more_longitudinal * fits) // MEDULLA_CYCLE * MEDULLA_CYCLE
         if more_longitudinal:
             walker.add_longitudinal(more_longitudinal)
         if not more_longitudinal and not (more > 0).any():

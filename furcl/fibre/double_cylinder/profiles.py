@@ -1,8 +1,8 @@
 """Profiles of the light that a medulla scatters, simulated for one material.
 
-Source: docs/model.md, Medulla profiles; Yan et al. 2015 and 2017 tabulate the same for all
-materials. Changed: one material only (so no limit on sigma_ms and g and no tensor compression),
-absorption exact as weights exp(-sigma_ma l) instead of a mean length, profiles of h up to the rim.
+Source: docs/model.md, Medulla; Yan et al. 2015 and 2017 tabulate the same for all materials.
+Changed: one material only (so no limit on sigma_ms and g and no tensor compression), absorption
+exact as weights exp(-sigma_ma l) instead of a mean length, profiles of h up to the rim.
 
 Proofs: tests/test_medulla.py holds the tables against an analog walk that shares nothing with them.
 """
@@ -10,29 +10,37 @@ Proofs: tests/test_medulla.py holds the tables against an analog walk that share
 from __future__ import annotations
 
 import hashlib
+import json
+import logging
+import zipfile
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from furcl.device import program
 from furcl.device.choice import Device
-from furcl.device.features import Features
-from furcl.device.layout import (
+from furcl.device.source import kernel_text
+from furcl.fibre.double_cylinder.layout import (
     PROFILE_OFFSETS,
     PROFILE_PHIS,
     PROFILE_SINES,
     PROFILE_TAUS,
     PROFILE_THETAS,
 )
-from furcl.fibre.double_cylinder import profile_cache
 from furcl.fibre.double_cylinder.medulla_walk import (
     Tally,
     absorption_channels,
+    kernel_features,
     relative_errors,
     simulate,
     worst_errors,
 )
 from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.files import write_cache
+from furcl.paths import cache_folder
+
+log = logging.getLogger(__name__)
 
 FORMAT_VERSION = 1
 DEFAULT_SEED = 1
@@ -152,21 +160,19 @@ def build_profiles(
     """
     if not fibre.has_medulla:
         return None
-    path = profile_cache.cache_path(_content(device, fibre, seed, photons))
-    arrays = profile_cache.load(path, _shapes(fibre)) if cache else None
+    path = cache_path(_content(device, fibre, seed, photons))
+    arrays = load_cached(path, _shapes(fibre)) if cache else None
     if arrays is None:
         arrays = _arrays(simulate(device, fibre, seed, photons))
         if cache:
-            profile_cache.store(path, arrays)
+            store_cached(path, arrays)
     return _profiles(arrays)
 
 
 def _content(device: Device, fibre: Fibre, seed: int, photons: int | None) -> dict:
     """All that decides the tables."""
     parameters = {name: getattr(fibre, name) for name in ("eta", "kappa", "sigma_ms", "g")}
-    kernel = program.source(
-        "prepare/medulla.cl", Features(profile_channels=absorption_channels(fibre))
-    )
+    kernel = kernel_text("prepare/medulla.cl", kernel_features(fibre))
     return {
         **parameters,
         "sigma_ma": fibre.sigma_ma,
@@ -248,3 +254,31 @@ def _inclusive_cdf(share: np.ndarray) -> np.ndarray:
     cdf = np.minimum(np.cumsum(share, axis=-1), 1.0).astype(np.float32)
     cdf[..., -1] = 1.0
     return cdf
+
+
+def cache_path(content: dict[str, Any]) -> Path:
+    """The file for tables that are made from `content` (plain values)."""
+    text = json.dumps(content, sort_keys=True)
+    return cache_folder() / "medulla" / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
+
+
+def load_cached(path: Path, shapes: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray] | None:
+    """The arrays of a file, or None if it is absent, damaged or not of these shapes."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        log.warning("%s: damaged cache file (%s); building it anew", path, error)
+        return None
+    found = {name: array.shape for name, array in arrays.items()}
+    if found != shapes or not all(np.isfinite(a).all() for a in arrays.values()):
+        log.warning("%s: cache file with other content; building it anew", path)
+        return None
+    return arrays
+
+
+def store_cached(path: Path, arrays: dict[str, np.ndarray]) -> None:
+    """Write a file; see furcl.files.write_cache."""
+    write_cache(path, lambda file: np.savez(file, **arrays))  # pyright: ignore[reportArgumentType]
