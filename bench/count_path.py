@@ -1,8 +1,9 @@
 """Files and lines that a path passes from camera to film: python bench/count_path.py [SCENE].
 
-Of the kernels every file whose text is in a build of a render stage, includes expanded by the code
-that builds; of Python every file of furcl that runs while waves are traced, seen by the interpreter
-in a render of a few pixels. Whole files count, with their comments.
+Of the kernels every file whose text is in the build of a stage, as `Wavefront` builds it; of Python
+every file of furcl with a function that runs while waves are traced, seen by the interpreter in a
+render of a few pixels. Whole files count, with their comments. `--page docs/architecture.md` writes
+the table into that page.
 """
 
 from __future__ import annotations
@@ -10,17 +11,19 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from furcl.device import program
+import furcl
 from furcl.paths import kernel_folder
 from furcl.render.renderer import Renderer
-from furcl.render.wavefront import STAGES
 from furcl.scene.read import load_scene
 
 REPOSITORY = Path(__file__).parents[1]
+SCENE = "single_fibre"
 PIXELS = "8x8"
+MARKS = ("<!-- count -->\n", "<!-- end -->")
 
 
 @dataclass(frozen=True)
@@ -40,30 +43,44 @@ class Count:
         """Lines of all files."""
         return sum(self.kernels.values()) + sum(self.python.values())
 
+    def table(self) -> str:
+        """What the page shows: sums, and the files by folder."""
+        folders: dict[str, list[str]] = {}
+        for file, lines in {**self.kernels, **self.python}.items():
+            folder, _, name = file.rpartition("/")
+            folders.setdefault(folder, []).append(f"{name} {lines}")
+        rows = [f"| `{folder}/` | {', '.join(files)} |" for folder, files in folders.items()]
+        return "\n".join(
+            [
+                f"{self.files} files of {self.lines} lines: {len(self.kernels)} of kernels "
+                f"({sum(self.kernels.values())} lines), {len(self.python)} of Python "
+                f"({sum(self.python.values())}).",
+                "",
+                "| folder | files and their lines |",
+                "|---|---|",
+                *rows,
+                "",
+            ]
+        )
 
-def count(scene: str, device: str | None = None) -> Count:
-    """What one material's paths pass in a scene."""
+
+def count(scene: str = SCENE, device: str | None = None) -> Count:
+    """What the paths of a scene pass."""
     renderer = Renderer(load_scene(scene, size=PIXELS), device)
-    texts = [program.source(stage, renderer.features) for stage in sorted(set(STAGES.values()))]
-    kernels = {file for text in texts for file in _files_of(text)}
-    python = _files_that_run(lambda: renderer.advance(1))
-    return Count(_lines(kernels), _lines(python))
+    kernels = {f for text in renderer.wavefront.stage_texts().values() for f in _files_of(text)}
+    return Count(_lines(kernels), _lines(_files_that_run(lambda: renderer.advance(1))))
 
 
 def _files_of(text: str) -> set[Path]:
-    """The files that an expanded kernel names; what is generated is in none."""
-    names = set(re.findall(r'^#line 1 "(.+)"$', text, re.M))
+    """The files that an expanded kernel names."""
     folder = kernel_folder()
-    return {path for path in folder.rglob("*.cl*") for name in names if _is_at(path, name)}
+    labels = set(re.findall(r'^#line 1 "(.+)"$', text, re.M))
+    places = [(folder / label, folder / "include" / label) for label in labels]
+    return {next(place for place in both if place.is_file()) for both in places}
 
 
-def _is_at(path: Path, name: str) -> bool:
-    return path.as_posix().endswith(f"/{name}")
-
-
-def _files_that_run(call) -> set[Path]:
+def _files_that_run(call: Callable[[], object]) -> set[Path]:
     """The files of furcl with a function that runs in a call."""
-    package = Path(program.__file__).parents[1]
     seen: set[str] = set()
 
     def look(frame, event, argument) -> None:
@@ -75,6 +92,7 @@ def _files_that_run(call) -> set[Path]:
         call()
     finally:
         sys.setprofile(None)
+    package = Path(furcl.__file__).parent
     return {Path(name) for name in seen if Path(name).is_relative_to(package)}
 
 
@@ -85,16 +103,24 @@ def _lines(files: set[Path]) -> dict[str, int]:
     }
 
 
+def write(page: Path, found: Count) -> None:
+    """Replace what stands between the marks of a page."""
+    before, _, rest = page.read_text().partition(MARKS[0])
+    page.write_text(before + MARKS[0] + found.table() + MARKS[1] + rest.partition(MARKS[1])[2])
+
+
 def main() -> None:
-    """Print the files with their lines, then the sums."""
+    """Print the table, or write it into a page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scene", nargs="?", default="black_hair")
+    parser.add_argument("scene", nargs="?", default=SCENE)
     parser.add_argument("--device")
+    parser.add_argument("--page", type=Path)
     arguments = parser.parse_args()
     found = count(arguments.scene, arguments.device)
-    for file, lines in {**found.kernels, **found.python}.items():
-        print(f"{lines:6d}  {file}")
-    print(f"{found.lines:6d}  lines in {found.files} files")
+    if arguments.page:
+        write(arguments.page, found)
+    else:
+        print(found.table())
 
 
 if __name__ == "__main__":
