@@ -50,18 +50,12 @@ class Count:
             folder, _, name = file.rpartition("/")
             folders.setdefault(folder, []).append(f"{name} {lines}")
         rows = [f"| `{folder}/` | {', '.join(files)} |" for folder, files in folders.items()]
-        return "\n".join(
-            [
-                f"{self.files} files of {self.lines} lines: {len(self.kernels)} of kernels "
-                f"({sum(self.kernels.values())} lines), {len(self.python)} of Python "
-                f"({sum(self.python.values())}).",
-                "",
-                "| folder | files and their lines |",
-                "|---|---|",
-                *rows,
-                "",
-            ]
+        sums = (
+            f"{self.files} files of {self.lines} lines: {len(self.kernels)} of kernels "
+            f"({sum(self.kernels.values())} lines), {len(self.python)} of Python "
+            f"({sum(self.python.values())})."
         )
+        return "\n".join([sums, "", "| folder | files and their lines |", "|---|---|", *rows, ""])
 
 
 def count(scene: str = SCENE, device: str | None = None) -> Count:

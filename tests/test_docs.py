@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -160,3 +161,41 @@ def test_architecture_names_what_is_in_its_files():
         names = re.findall(r"\w+", cell)
         missing += [(file, name) for name in names if not re.search(rf"\b{name}\b", text)]
     assert not missing
+
+
+ROOM = re.findall(
+    r"^\| (an? [\w ]+) \| ((?:`[\w/.]+`(?:, )?)+) \| ((?:`[\w/.]+`(?:, )?)+) \|$",
+    PAGES["docs/architecture.md"],
+    re.M,
+)
+
+
+@pytest.mark.parametrize(("what", "own", "listed"), ROOM, ids=[what for what, _, _ in ROOM])
+def test_the_page_lists_every_file_that_names_an_example(what, own, listed):
+    """By its module or by its header; files in a folder of the example's own aside."""
+    files = [Path(name) for name in re.findall(r"`(.+?)`", own)]
+    parts = ["/".join(file.with_suffix("").parts[-2:]) for file in files]
+    named = re.compile("|".join(rf"\b{re.sub('/', '[./]', part)}\b" for part in parts))
+    code = [name for name in SOURCES if name.startswith(("furcl/", "kernels/"))]
+    homes = [file.parent.as_posix() for file in files if file.stem in ("model", "bcsdf")]
+    naming = {
+        name
+        for name in code
+        if named.search(SOURCES[name])
+        and Path(name) not in files
+        and not name.startswith(tuple(homes))
+    }
+    assert naming == set(re.findall(r"`(.+?)`", listed))
+
+
+def test_there_is_room_for_all_that_comes():
+    assert len(ROOM) == 6
+
+
+def test_the_page_shows_the_layers_that_are_held():
+    contracts = tomllib.loads((documents.REPOSITORY / "pyproject.toml").read_text())
+    layers = contracts["tool"]["importlinter"]["contracts"][0]["layers"]
+    held = [set(re.findall(r"\w+", layer)) for layer in layers if not layer.startswith("(")]
+    page = PAGES["docs/architecture.md"]
+    shown = re.findall(r"^    ([a-z ]+)$", page[page.index("make imports") :], re.M)
+    assert [set(line.split()) for line in shown] == held
