@@ -2,7 +2,7 @@
 
 Of the kernels every file whose text is in the build of a stage, as `Wavefront` builds it; of Python
 every file of furcl with a function that runs while waves are traced, seen by the interpreter in a
-render of a few pixels. Whole files count, with their comments. `--page docs/architecture.md` writes
+render of a few pixels under a sky that is sampled. Whole files count, with their comments. `--page docs/architecture.md` writes
 the table into that page.
 """
 
@@ -21,7 +21,8 @@ from furcl.render.renderer import Renderer
 from furcl.scene.read import load_scene
 
 REPOSITORY = Path(__file__).parents[1]
-SCENE = "single_fibre"
+SCENE = "single_fibre"  # fibres of one material and no surface
+LIGHT = ('environment={kind="sky"}', "render.light_sampling=mis")
 PIXELS = "8x8"
 MARKS = ("<!-- count -->\n", "<!-- end -->")
 
@@ -60,7 +61,7 @@ class Count:
 
 def count(scene: str = SCENE, device: str | None = None) -> Count:
     """What the paths of a scene pass."""
-    renderer = Renderer(load_scene(scene, size=PIXELS), device)
+    renderer = Renderer(load_scene(scene, size=PIXELS, overrides=LIGHT), device)
     kernels = {f for text in renderer.wavefront.stage_texts().values() for f in _files_of(text)}
     return Count(_lines(kernels), _lines(_files_that_run(lambda: renderer.advance(1))))
 
