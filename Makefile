@@ -1,10 +1,10 @@
-# make demo | test | debug-render | lint | types | imports | lock | clean. Each sets up what it needs in .venv.
+# make demo | test | debug-render | lint | types | imports | docs | lock | clean. Each sets up what it needs in .venv.
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := --size 384x384 --spp 32 --time-limit 50
 DEBUG_SCENES := red_fox extreme/bright_pixel
 
-.PHONY: demo test debug-render lint types imports lock clean setup
+.PHONY: demo test debug-render lint types imports docs lock clean setup
 .DEFAULT_GOAL := demo
 
 # Render black hair to out/black_hair.exr and out/black_hair.png, in less than a minute.
@@ -29,6 +29,10 @@ types: $(VENV)/.installed
 
 imports: $(VENV)/.installed
 	$(BIN)/lint-imports
+
+# Pages that are written by the code.
+docs: $(VENV)/.installed
+	$(BIN)/python docs/make_scene.py
 
 setup: $(VENV)/.device
 

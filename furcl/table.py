@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 from msgspec import Meta
@@ -30,4 +31,18 @@ def check_range(name: str, value: Rgb, low: float, high: float) -> None:
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Base of the tables of a scene."""
+    """Base of the tables of a scene.
+
+    The section Attributes of a table's docstring has a line for every key, "name : type   meaning
+    [unit]"; docs/scene.md is written from it. Ranges are in the types, what those cannot say is in
+    `allowed`: (lowest, highest) of a key that takes one number or three, or words. Such numbers are
+    checked here, unless a table has checks of its own. Keys that the docstring leaves out are those
+    of the class `described_by`, whose docstring and defaults hold for them.
+    """
+
+    allowed: ClassVar[Mapping[str, tuple[Any, ...]]] = {}
+    described_by: ClassVar[type | None] = None
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in self.allowed.items():
+            check_range(name, getattr(self, name), low, high)

@@ -10,6 +10,7 @@ import pytest
 from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
 
+
 def test_every_preset_says_where_it_is_from() -> None:
     """In its provenance and, by name, in the documentation of Fibre.preset."""
     for name in Fibre.preset_names():

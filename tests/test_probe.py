@@ -90,7 +90,7 @@ def test_weight_is_value_over_pdf(device, rng, seed, name, sampling):
 
 @pytest.mark.parametrize("name", FIBRES)
 def test_full_cdf_weights_are_flat(device, rng, name):
-    """All that is left in the weight is A_p(h) over its bin mean and the colours (SPEC 4.5)."""
+    """All that is left in the weight is A_p(h) over its bin mean and the colours."""
     fibre = FIBRES[name]
     probe = Probe(fibre, device=device)
     theta = np.deg2rad(30)

@@ -102,7 +102,7 @@ def test_bodies_are_just_inside_the_skin(name):
 
 
 def _just_outside(level):
-    return 1.0 < level.min() and level.max() < 1.01
+    return level.min() > 1.0 and level.max() < 1.01
 
 
 def test_groom_scene_asks_for_a_file():

@@ -62,8 +62,9 @@ def test_energy_is_at_most_one(swept):
 
 
 def test_weights_are_within_the_ratios_of_a_bin(swept):
-    """At most 2.8 (SPEC 4.2) times the energy that the tables share out, for every sampler; as
-    sampled, and as float64 has it at all points. Without the peaks of the tables R had 697."""
+    """At most 2.8 times the energy that the tables share out (docs/model.md, Weights inside a bin),
+    for every sampler; as sampled, and as float64 has it at all points. Without the peaks of the
+    tables R had 697."""
     assert {"bin ratio", "sample weight", "sample weight (uniform-h)"} <= {q for q, _ in swept}
     for (quantity, lobe), row in swept.items():
         if "weight" in quantity or quantity == "bin ratio":
@@ -222,8 +223,8 @@ def test_reflectance_near_index_one(device):
 @pytest.mark.parametrize("theta_deg", [0.0, 45.0, 85.0, 89.0, 89.9, 89.999])
 @pytest.mark.parametrize("name", ["human-black", "red-fox", "thin cuticle", "index 1"])
 def test_weights_stay_within_the_ratios_of_a_bin(device, name, theta_deg):
-    """Weights over their mean: SPEC 4.2 gives 1.1 to 2.8 inside a bin. Between rows of the tables
-    even in theta a thin cuticle gave 10^5 at grazing incidence."""
+    """Weights over their mean: 1.1 to 2.8 in docs/model.md, Weights inside a bin. Between rows of
+    the tables even in theta a thin cuticle gave 10^5 at grazing incidence."""
     thin = {"thin cuticle": Fibre(layers=1e-3), "index 1": Fibre(eta=1.0001)}
     fibre = thin.get(name) or Fibre.preset(name)
     probe = probe_of(fibre, device, specialised=False)

@@ -77,7 +77,7 @@ EXTREME = {
 
 @pytest.mark.parametrize("name", EXTREME)
 def test_no_weight_is_far_above_the_energy(device, rng, name):
-    """2.8 is the worst ratio that SPEC 4.2 gives; measured at most 2.2."""
+    """2.8 is the worst ratio in docs/model.md, Weights inside a bin; measured at most 2.2."""
     ratio = _largest_ratio(device, EXTREME[name], rng)
     assert ratio <= BIN_RATIO
 

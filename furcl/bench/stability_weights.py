@@ -20,8 +20,8 @@ from furcl.render.probe import Probe
 Array = NDArray[np.float64]
 
 BIN_RATIO = 2.8
-"""Largest value of A_p in a bin over what the tables promise for it: the worst that SPEC 4.2 gives
-for the paper's bins, of TTs where the edge of the medulla lies in one."""
+"""Largest value of A_p in a bin over what the tables promise for it: the worst for the paper's
+bins, of TTs where the edge of the medulla lies in one (docs/model.md, Weights inside a bin)."""
 
 
 ETAS = ((1.0, 1.01), (1.01, 1.2), (1.2, 3.0))

@@ -21,6 +21,9 @@ BETA_RANGE_DEG = (math.degrees(1e-3), math.degrees(2.5))
 """Roughness of a fibre, 1e-3 to 2.5 rad: narrower, float32 cannot tell the directions of a lobe
 apart; broader is uniform."""
 
+COLOUR_RANGE = (1e-6, 1.0)
+"""Channels of a colour to reach: black would take absorption without end."""
+
 
 def sigma_ca_from_melanin(eumelanin: float, pheomelanin: float = 0.0) -> Triple:
     """Cortex absorption of a mixture of the two hair pigments.
@@ -72,7 +75,7 @@ def sigma_ca_from_colour(colour: Sequence[float], beta_n_deg: float) -> Triple:
     is taken from ``beta_n_deg`` by equal standard deviation, see `chiang_roughness`.
     """
     values = [float(c) for c in colour]
-    if len(values) != 3 or not all(1e-6 <= c <= 1.0 for c in values):
+    if len(values) != 3 or not all(COLOUR_RANGE[0] <= c <= COLOUR_RANGE[1] for c in values):
         raise FibreError(
             f"fibre.colour = {list(colour)} - allowed are three values from 1e-6 to 1 - "
             "give the linear albedo of the wanted colour (decode sRGB first)"

@@ -31,10 +31,16 @@ class CurvesTable(Table, frozen=True, kw_only=True, tag_field="generator"):
 
 
 class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
-    """A groom file.
+    """A groom file, .hair or .npz.
 
-    Radii are multiplied by `radius_scale`; `default_radius` stands in where the file has none.
-    `up_axis` = "y" turns a groom whose +y is up to stand along +z, facing -y if it faced +z.
+    Attributes
+    ----------
+    file : str                  the file
+    radius_scale : float        factor on all radii
+    default_radius : float      radius where the file has none; without it such a file is refused
+                                [unit]
+    up_axis : str               axis of the file that is up; "y" turns a groom to stand along +z,
+                                facing -y if it faced +z
     """
 
     file: Annotated[str, Meta(examples=["groom.hair"])]
@@ -89,6 +95,7 @@ def _grown(generator: str) -> Any:
         kw_only=True,
         tag=generator,
         module=__name__,
+        namespace={"__doc__": grow.GENERATORS[generator].__doc__},
     )
     globals()[table.__name__] = table  # where pickle looks for it
     return table

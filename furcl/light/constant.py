@@ -5,25 +5,29 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furcl.light.model import Light
 from furcl.light.sample import LightSamples, around_z, from_infinity
-from furcl.table import Rgb, Table, check_range, triple
+from furcl.table import Rgb, Table, triple
 
 Array = NDArray[np.float64]
 
 
 class ConstantEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="constant"):
-    """The same radiance from everywhere."""
+    """The same radiance from everywhere.
+
+    Attributes
+    ----------
+    radiance : (r,g,b)      one number stands for three equal ones
+    """
+
+    allowed: ClassVar = {"radiance": (0.0, 1e9)}
 
     radiance: Rgb = 1.0
-
-    def __post_init__(self) -> None:
-        check_range("radiance", self.radiance, 0.0, 1e9)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,14 @@ Array = NDArray[np.float64]
 
 
 class ImageEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="image"):
-    """Latitude-longitude image (.exr or .hdr), turned about +z by `rotation_deg`, times `scale`."""
+    """Image of the surroundings in latitude and longitude, .exr or .hdr.
+
+    Attributes
+    ----------
+    file : str              the image
+    rotation_deg : float    turn about +z [deg]
+    scale : float           factor on its radiance
+    """
 
     file: str
     rotation_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from msgspec import Meta
@@ -16,7 +16,7 @@ from furcl.image.colour import luminance
 from furcl.light.model import Light
 from furcl.light.preetham import Sky
 from furcl.light.sample import LightSamples, around_z, from_infinity
-from furcl.table import Rgb, Table, check_range, triple
+from furcl.table import Rgb, Table, triple
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,20 @@ class SkyEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="sk
     """Clear daylight sky with a sun disc over a ground of constant radiance, see
     `furcl.light.preetham`.
 
-    `scale` turns kcd/m^2 into radiance. The sun's illuminance does not depend on `sun_radius_deg`:
-    a broader sun is dimmer. `sun_scale` = 0 leaves the disc out. The ground's radiance follows from
-    the light that falls on it and `ground_albedo`.
+    Attributes
+    ----------
+    sun_elevation_deg : float   of the sun over the horizon [deg]
+    sun_azimuth_deg : float     of the sun, from +x towards +y [deg]
+    sun_radius_deg : float      of the sun's disc; its illuminance stays: a broader sun is dimmer
+                                [deg]
+    sun_scale : float           factor on the sun; 0 leaves the disc out
+    turbidity : float           haze: 2 is clear, 10 hazy
+    scale : float               what turns kcd/m^2 into radiance
+    ground_albedo : (r,g,b)     what the ground reflects of the light that falls on it; one number
+                                stands for three equal ones
     """
+
+    allowed: ClassVar = {"ground_albedo": (0.0, 1.0)}
 
     sun_elevation_deg: Annotated[float, Meta(ge=0.0, le=90.0)] = 45.0
     sun_azimuth_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
@@ -40,9 +50,6 @@ class SkyEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="sk
     turbidity: Annotated[float, Meta(ge=2.0, le=10.0)] = 3.0
     scale: Annotated[float, Meta(gt=0.0, le=1e6)] = 0.05
     ground_albedo: Rgb = 0.2
-
-    def __post_init__(self) -> None:
-        check_range("ground_albedo", self.ground_albedo, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-from furcl.table import Vec3
+from furcl.table import Table, Vec3
 
 DEFAULT_AZIMUTH_DEG = 0.0
 DEFAULT_ELEVATION_DEG = 10.0
@@ -18,22 +18,24 @@ DEFAULT_MARGIN = 0.05
 POINTS_AT_ONCE = 1 << 17
 
 
-class Camera(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Camera(Table, frozen=True, kw_only=True):
     """Perspective camera.
 
-    With `origin` and `target` it looks from one to the other. Without, `resolved` places it so that
-    a groom fills the picture, on the side that `azimuth_deg` and `elevation_deg` name.
+    With `origin` and `target` it looks from one to the other. Without, it is placed so that a groom
+    fills the picture, on the side that `azimuth_deg` and `elevation_deg` name.
 
     Attributes
     ----------
-    origin, target : (x, y, z)    both or neither, world units
+    origin : (x, y, z)            where it is; with target, or neither of them [unit]
+    target : (x, y, z)            what it looks at [unit]
     up : (x, y, z)                any vector not along the view
-    vfov_deg : float              full vertical angle of view [deg], 0.1..170
-    aperture_radius : float       of the lens, world units; 0 is a pinhole
-    focus_distance : float        along the view axis, world units; the target's by default
-    azimuth_deg : float           of the camera seen from the groom [deg], from +x towards +y; 0
-    elevation_deg : float         of the camera over the horizon [deg], -89..89; 10
-    margin : float                part of the half picture that stays free, 0..0.9; 0.05
+    vfov_deg : float              full vertical angle of view [deg]
+    aperture_radius : float       of the lens; 0 is a pinhole [unit]
+    focus_distance : float        along the view axis; the target's if left out [unit]
+    azimuth_deg : float           of the camera seen from the groom, from +x towards +y; 0 if left
+                                  out [deg]
+    elevation_deg : float         of the camera over the horizon; 10 if left out [deg]
+    margin : float                part of the half picture that stays free; 0.05 if left out
     """
 
     origin: Vec3 | None = None

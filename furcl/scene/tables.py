@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -33,9 +33,15 @@ FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1
 class Film(Table, frozen=True, kw_only=True):
     """Picture size and pixel filter.
 
-    The filters are products of two 1-D ones with the stated half width: box; tent; gaussian with
-    standard deviation filter_radius_px / 3, cut at the half width. `exposure_stops` acts on PNG
-    files only.
+    Attributes
+    ----------
+    width : int                 of the picture [pixels]
+    height : int                of the picture [pixels]
+    filter : str                product of two 1-D filters; a gaussian has the standard deviation
+                                filter_radius_px / 3 and is cut at the half width
+    filter_radius_px : float    half width of the filter; box 0.5, tent 1, gaussian 1.5 if left out
+                                [pixels]
+    exposure_stops : float      brightness of PNG files [stops]
     """
 
     width: Annotated[int, Meta(ge=1, le=16384)] = 512
@@ -60,11 +66,23 @@ class Film(Table, frozen=True, kw_only=True):
 class Render(Table, frozen=True, kw_only=True):
     """Samples and samplers.
 
-    `light_sampling`: "bcsdf" samples fibres only, "mis" also the environment, "auto" chooses by the
-    environment. Paths end at `max_depth`; from `roulette_depth` on they may end at random without
-    bias. `residual` adds the light of two and more internal reflections, so that white fibres
-    conserve energy.
+    Attributes
+    ----------
+    spp : int               samples a pixel
+    seed : int              of the random numbers
+    max_depth : int         longest path [bounces]
+    sampling : str          how lobe, offset and direction are sampled, or the name of a sampler of
+                            your own (docs/own_sampler.md)
+    light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
+                            light
+    roulette_depth : int    from here on paths may end at random, without bias [bounces]
+    residual : bool         add the light of two and more reflections inside a fibre, so that white
+                            fibres conserve energy
+    variance : bool         keep the variance of every pixel
+    statistics : bool       count lobes and path lengths
     """
+
+    allowed: ClassVar = {"sampling": samplers.BUILT_IN}
 
     spp: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
     seed: Annotated[int, Meta(ge=0, le=(1 << 32) - 1)] = 0
@@ -114,7 +132,13 @@ KINDS = {
 
 
 class Scene(Table, frozen=True, kw_only=True):
-    """A whole scene. File names in it are absolute once `furcl.load_scene` has read it."""
+    """A whole scene. File names in it are absolute once `furcl.load_scene` has read it.
+
+    Attributes
+    ----------
+    name : str              of the scene; the file's name if left out
+    camera, film, fibre, environment, curves, body, render : tables
+    """
 
     name: str = ""
     camera: Camera = Camera()

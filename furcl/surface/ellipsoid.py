@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furcl.device.layout import struct_dtype
 from furcl.surface.model import Surface, SurfacePart
-from furcl.table import Length, Rgb, Vec3, check_range, triple
+from furcl.table import Length, Rgb, Vec3, triple
 
 PART = SurfacePart(
     "ellipsoid",
@@ -21,16 +21,22 @@ PART = SurfacePart(
 
 
 class Body(Surface, frozen=True, kw_only=True):
-    """Diffuse ellipsoid inside the groom that stops light."""
+    """Diffuse ellipsoid inside the groom that stops light.
+
+    Attributes
+    ----------
+    centre : (x, y, z)      its centre [unit]
+    radii : (x, y, z)       its half axes [unit]
+    albedo : (r,g,b)        what it reflects; one number stands for three equal ones
+    """
+
+    allowed: ClassVar = {"albedo": (0.0, 1.0)}
 
     part: ClassVar[SurfacePart] = PART
 
     centre: Vec3 = (0.0, 0.0, 0.0)
     radii: tuple[Length, Length, Length] = (1.0, 1.0, 1.0)
     albedo: Rgb = 0.05
-
-    def __post_init__(self) -> None:
-        check_range("albedo", self.albedo, 0.0, 1.0)
 
     @property
     def is_grey(self) -> bool:

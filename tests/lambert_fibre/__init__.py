@@ -53,12 +53,18 @@ class LambertFeatures(FibreFeatures):
 
     rim: bool = True
     dropped_lobes: tuple[str, ...] = ()
-    n_lobes: ClassVar[int] = 1
-    data_words: ClassVar[int] = 0
 
     @property
     def model(self) -> Lambert:
         return MODEL
+
+    @property
+    def n_lobes(self) -> int:
+        return 1
+
+    @property
+    def data_words(self) -> int:
+        return 0
 
     @property
     def lobes(self) -> tuple[str, ...]:

@@ -38,16 +38,18 @@ class Fibre:
     Parameters
     ----------
     eta : float         index of refraction, inside over outside, 1.0001..3
-    kappa : float       medulla radius over fibre radius, 0..1 (0 = no medulla)
-    alpha_deg : float   tilt of the cuticle scales [deg], -20..20; published values carry either
-                        sign, so the sign is ignored: R always moves towards the root
-    beta_m_deg : float  longitudinal roughness, standard deviation of R [deg], 0.0573..143.2
-    beta_n_deg : float  azimuthal roughness, standard deviation of R [deg], 0.0573..143.2
-    sigma_ca : (r,g,b)  absorption of the cortex, 0..1e4; one number stands for three equal ones
-    sigma_ms : float    scattering of the medulla, 0..1e4
-    sigma_ma : (r,g,b)  absorption of the medulla, 0..1e4; one number stands for three equal ones
+    kappa : float       medulla radius over fibre radius; 0: no medulla, 0..1
+    alpha_deg : float   tilt of the cuticle scales; published values carry either sign, so the sign
+                        is ignored: R always moves towards the root, -20..20 [deg]
+    beta_m_deg : float  longitudinal roughness, standard deviation of R, 0.0573..143.2 [deg]
+    beta_n_deg : float  azimuthal roughness, standard deviation of R, 0.0573..143.2 [deg]
+    sigma_ca : (r,g,b)  absorption of the cortex; one number stands for three equal ones, 0..1e4
+                        [1 / fibre radius]
+    sigma_ms : float    scattering of the medulla, 0..1e4 [1 / fibre radius]
+    sigma_ma : (r,g,b)  absorption of the medulla; one number stands for three equal ones, 0..1e4
+                        [1 / fibre radius]
     g : float           mean cosine of the medulla's Henyey-Greenstein phase function, -0.99..0.99
-    layers : float      layers of the cuticle, 0..10; 1/2 is a plain interface, 0 reflects nothing
+    layers : float      layers of the cuticle; 1/2 is a plain interface, 0 reflects nothing, 0..10
     provenance : str    where the numbers come from; takes no part in comparisons
 
     Raises

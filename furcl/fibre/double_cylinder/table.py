@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from msgspec import Meta
 
-from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
 from furcl.fibre.model import ModelTable
-from furcl.fibre.pigment import sigma_ca_from_colour, sigma_ca_from_melanin
+from furcl.fibre.pigment import COLOUR_RANGE, sigma_ca_from_colour, sigma_ca_from_melanin
 from furcl.table import Rgb, Table
 
 
 class Melanin(Table, frozen=True, kw_only=True):
-    """Concentrations of the pigments of hair, 0..100 (0.3 blond, 1.3 brown, 8 black)."""
+    """Concentrations of the pigments of hair.
+
+    Attributes
+    ----------
+    eumelanin : float       the brown and black one; 0.3 is blond, 1.3 brown, 8 black
+    pheomelanin : float     the red and yellow one
+    """
 
     eumelanin: Annotated[float, Meta(ge=0.0, le=100.0, examples=[1.3])] = 0.0
     pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
@@ -22,9 +28,18 @@ class Melanin(Table, frozen=True, kw_only=True):
 class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="double-cylinder"):
     """A preset, parameters that replace its own, and the colour in at most one of three ways.
 
-    Without a preset exactly one of sigma_ca, colour and melanin is required and the other
-    parameters default to those of `furcl.Fibre`, which also states the ranges.
+    Without a preset exactly one of sigma_ca, colour and melanin is required, and the other
+    parameters default to those of `furcl.Fibre`.
+
+    Attributes
+    ----------
+    preset : str            parameters by name, see `furcl.Fibre.preset`
+    colour : (r,g,b)        wanted colour of a thick groom, from which sigma_ca follows
+    melanin : table         pigments, from which sigma_ca follows
     """
+
+    described_by: ClassVar = Fibre
+    allowed: ClassVar = {**RANGES, "preset": Fibre.preset_names(), "colour": COLOUR_RANGE}
 
     preset: Annotated[str | None, Meta(examples=["human-black"])] = None
     eta: float | None = None

@@ -68,29 +68,35 @@ def fur(
 
     Parameters
     ----------
-    n_strands, n_points : int    1 .. 5e7 strands of 2 .. 4096 points
-    seed : int                   0 .. 2^63 - 1
-    surface : str                "sphere" or "patch"
-    centre : (3,)                of the sphere or the patch [unit]
-    sphere_radius : float        1e-3 .. 1e3 [unit]
-    patch_size : (2,)            in x and y, 1e-3 .. 1e3 [unit]
+    n_strands : int              strands, 1 .. 5e7
+    n_points : int               points a strand, 2 .. 4096
+    seed : int                   of the random numbers, 0 .. 2^63 - 1
+    surface : str                what it grows on: a "sphere" or a flat "patch"
+    centre : (3,)                of the sphere or the patch, -1e6 .. 1e6 [unit]
+    sphere_radius : float        of the sphere, 1e-3 .. 1e3 [unit]
+    patch_size : (2,)            of the patch in x and y, 1e-3 .. 1e3 [unit]
     length : float               of the longest strands, 1e-4 .. 100 [unit]
-    length_variation : float     lengths are uniform in [1 - v, 1] times the map, 0 .. 0.95
-    length_noise, density_noise  depth of the maps, which lie in [1 - depth, 1], 0 .. 0.95
-    length_noise_scale, density_noise_scale, comb_noise_scale
-                                 0.01 .. 1000 [waves / unit]
+    length_variation : float     v: lengths are uniform in [1 - v, 1] times the map, 0 .. 0.95
+    length_noise : float         depth of the map of length, whose values are 1 - depth to 1,
+                                 0 .. 0.95
+    length_noise_scale : float   of that map, 0.01 .. 1e3 [waves / unit]
+    density_noise : float        depth of the map of density, whose values are 1 - depth to 1,
+                                 0 .. 0.95
+    density_noise_scale : float  of that map, 0.01 .. 1e3 [waves / unit]
     radius : float               at the root, 1e-7 .. 1 [unit]
-    radius_variation : float     relative, uniform in [1 - v, 1 + v], 0 .. 0.9
+    radius_variation : float     v: relative, uniform in [1 - v, 1 + v], 0 .. 0.9
     tip_radius : float           fraction of the root's, 0.01 .. 1
-    comb : (3,)                  combing direction of any length but 0
+    comb : (3,)                  combing direction of any length but 0, -1e6 .. 1e6
     lean_deg : float             angle between the strand's root and the normal, 0 .. 85 [deg]
     bend_deg : float             further turn up to the tip, -90 .. 120 [deg]
     comb_noise_deg : float       standard deviation of the swirl, 0 .. 180 [deg]
-    n_clumps : int               0 (none) .. 1e6
+    comb_noise_scale : float     of the swirl, 0.01 .. 1e3 [waves / unit]
+    n_clumps : int               clumps; 0: none, 0 .. 1e6
     clumping : float             pull of the clump at the tip, 0 .. 1
     frizz : float                wander of the longest strands at the tip, 0 .. 1 [unit]
     undercoat : float            fraction of the strands that are undercoat, 0 .. 1
-    undercoat_length, undercoat_radius : float   relative to the others, 0.01 .. 1
+    undercoat_length : float     relative to the others, 0.01 .. 1
+    undercoat_radius : float     relative to the others, 0.01 .. 1
 
     Raises
     ------

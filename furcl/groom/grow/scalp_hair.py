@@ -66,29 +66,35 @@ def hair(
 
     Parameters
     ----------
-    n_strands : int              1 .. 5e7
-    n_points : int               points a strand, 2 .. 4096; None: enough for length and waves
-    seed : int                   0 .. 2^63 - 1
-    scalp_centre, scalp_radii    centre and half axes of the scalp, x y z [unit]
-    hairline_front_deg, hairline_side_deg, hairline_back_deg
-                                 elevation of the hairline seen from the centre, -90 .. 90 [deg]
+    n_strands : int              strands, 1 .. 5e7
+    n_points : int               points a strand; if left out enough for length and waves, 2 .. 4096
+    seed : int                   of the random numbers, 0 .. 2^63 - 1
+    scalp_centre : (3,)          centre of the scalp, x y z, -1e6 .. 1e6 [unit]
+    scalp_radii : (3,)           half axes of the scalp, x y z, 1e-3 .. 1e3 [unit]
+    hairline_front_deg : float   elevation of the hairline in front, seen from the scalp's centre,
+                                 -90 .. 90 [deg]
+    hairline_side_deg : float    its elevation at the sides, -90 .. 90 [deg]
+    hairline_back_deg : float    its elevation behind, -90 .. 90 [deg]
     style : str                  "straight", "wavy" or "curly": sets those of wave_amplitude,
-                                 wave_frequency and helix that are None
+                                 wave_frequency and helix that are left out
     length : float               of the longest strands, along their axis, 1e-4 .. 100 [unit]
-    length_variation : float     lengths are uniform in length * [1 - v, 1], 0 .. 0.95
+    length_variation : float     v: lengths are uniform in length * [1 - v, 1], 0 .. 0.95
     radius : float               at the root, 1e-7 .. 1 [unit]
-    radius_variation : float     relative, uniform in [1 - v, 1 + v], 0 .. 0.9
+    radius_variation : float     v: relative, uniform in [1 - v, 1 + v], 0 .. 0.9
     tip_radius : float           fraction of the root's, 0.01 .. 1
     lift_deg : float             angle of the root above the scalp, 0 .. 90 [deg]
-    parting, comb_back : float   weights of combing away from the parting and backwards, 0 .. 1
+    parting : float              weight of combing away from the parting, 0 .. 1
     parting_x : float            place of the parting, fraction of scalp_radii[0], -0.9 .. 0.9
+    comb_back : float            weight of combing backwards, 0 .. 1
     gravity : float              turn towards -z, 0 .. 100 [rad / unit of length]
     volume : float               height of the top layer above the scalp, 0.005 .. 1 [unit]
-    n_clumps : int               0 (none) .. 1e6; each consists of about ten locks
+    n_clumps : int               clumps of about ten locks each; 0: none, 0 .. 1e6
     clumping : float             pull of the clump at the tip, 0 .. 1
-    wave_amplitude : float       0 .. 1 [unit]
-    wave_frequency : float       0 .. 100 [turns / unit of length]
-    helix : float                0 a flat wave .. 1 a round helix
+    wave_amplitude : float       of the waves or curls; that of the style if left out, 0 .. 1
+                                 [unit]
+    wave_frequency : float       that of the style if left out, 0 .. 100 [turns / unit of length]
+    helix : float                0: a flat wave, 1: a round helix; that of the style if left out,
+                                 0 .. 1
     frizz : float                wander of single strands at the tip, 0 .. 1 [unit]
     flyaways : float             fraction of strands that leave their clump, 0 .. 1
 

@@ -22,12 +22,13 @@ def fibre(
 
     Parameters
     ----------
-    count : int                  1 .. 1e6
-    length, radius : float       1e-6 .. 1e6, 1e-9 .. 1e5 [unit]
-    spacing : float              between neighbouring axes, 0 .. 1e6 [unit]; the row extends
-                                 along the next axis (x -> y -> z -> x)
+    count : int                  fibres, 1 .. 1e6
+    length : float               of each, 1e-6 .. 1e6 [unit]
+    radius : float               the same everywhere, 1e-9 .. 1e5 [unit]
+    spacing : float              between neighbouring axes; the row extends along the next axis
+                                 (x, y, z, x), 0 .. 1e6 [unit]
     axis : str                   "x", "y" or "z": root to tip runs towards +
-    centre : (3,)                of the whole row [unit]
+    centre : (3,)                of the whole row, -1e6 .. 1e6 [unit]
     n_points : int               points a fibre, evenly spaced, 2 .. 4096
 
     Raises

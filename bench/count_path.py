@@ -1,0 +1,122 @@
+"""Files and lines that a path passes from camera to film: python bench/count_path.py [SCENE].
+
+Of the kernels every file whose text is in the build of a stage, as `Wavefront` builds it; of Python
+every file of furcl with a function that runs while waves are traced, seen by the interpreter in a
+render of a few pixels under a sky that is sampled. Whole files count, with their comments.
+`--page docs/architecture.md` writes the table into that page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import furcl
+from furcl.paths import kernel_folder
+from furcl.render.renderer import Renderer
+from furcl.scene.read import load_scene
+
+REPOSITORY = Path(__file__).parents[1]
+SCENE = "single_fibre"  # fibres of one material and no surface
+LIGHT = ('environment={kind="sky"}', "render.light_sampling=mis")
+PIXELS = "8x8"
+MARKS = ("<!-- count -->\n", "<!-- end -->")
+
+
+@dataclass(frozen=True)
+class Count:
+    """Files, relative to the repository, and the lines of each."""
+
+    kernels: dict[str, int]
+    python: dict[str, int]
+
+    @property
+    def files(self) -> int:
+        """Number of files."""
+        return len(self.kernels) + len(self.python)
+
+    @property
+    def lines(self) -> int:
+        """Lines of all files."""
+        return sum(self.kernels.values()) + sum(self.python.values())
+
+    def table(self) -> str:
+        """What the page shows: sums, and the files by folder."""
+        folders: dict[str, list[str]] = {}
+        for file, lines in {**self.kernels, **self.python}.items():
+            folder, _, name = file.rpartition("/")
+            folders.setdefault(folder, []).append(f"{name} {lines}")
+        rows = [f"| `{folder}/` | {', '.join(files)} |" for folder, files in folders.items()]
+        sums = (
+            f"{self.files} files of {self.lines} lines: {len(self.kernels)} of kernels "
+            f"({sum(self.kernels.values())} lines), {len(self.python)} of Python "
+            f"({sum(self.python.values())})."
+        )
+        return "\n".join([sums, "", "| folder | files and their lines |", "|---|---|", *rows, ""])
+
+
+def count(scene: str = SCENE, device: str | None = None) -> Count:
+    """What the paths of a scene pass."""
+    renderer = Renderer(load_scene(scene, size=PIXELS, overrides=LIGHT), device)
+    kernels = {f for text in renderer.wavefront.stage_texts().values() for f in _files_of(text)}
+    return Count(_lines(kernels), _lines(_files_that_run(lambda: renderer.advance(1))))
+
+
+def _files_of(text: str) -> set[Path]:
+    """The files that an expanded kernel names."""
+    folder = kernel_folder()
+    labels = set(re.findall(r'^#line 1 "(.+)"$', text, re.M))
+    places = [(folder / label, folder / "include" / label) for label in labels]
+    return {next(place for place in both if place.is_file()) for both in places}
+
+
+def _files_that_run(call: Callable[[], object]) -> set[Path]:
+    """The files of furcl with a function that runs in a call."""
+    seen: set[str] = set()
+
+    def look(frame, event, argument) -> None:
+        if event == "call":
+            seen.add(frame.f_code.co_filename)
+
+    sys.setprofile(look)
+    try:
+        call()
+    finally:
+        sys.setprofile(None)
+    package = Path(furcl.__file__).parent
+    return {Path(name) for name in seen if Path(name).is_relative_to(package)}
+
+
+def _lines(files: set[Path]) -> dict[str, int]:
+    return {
+        file.relative_to(REPOSITORY).as_posix(): len(file.read_text().splitlines())
+        for file in sorted(files)
+    }
+
+
+def write(page: Path, found: Count) -> None:
+    """Replace what stands between the marks of a page."""
+    before, _, rest = page.read_text().partition(MARKS[0])
+    page.write_text(before + MARKS[0] + found.table() + MARKS[1] + rest.partition(MARKS[1])[2])
+
+
+def main() -> None:
+    """Print the table, or write it into a page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scene", nargs="?", default=SCENE)
+    parser.add_argument("--device")
+    parser.add_argument("--page", type=Path)
+    arguments = parser.parse_args()
+    found = count(arguments.scene, arguments.device)
+    if arguments.page:
+        write(arguments.page, found)
+    else:
+        print(found.table())
+
+
+if __name__ == "__main__":
+    main()
