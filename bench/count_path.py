@@ -17,7 +17,7 @@ from pathlib import Path
 
 import furcl
 from furcl.paths import kernel_folder
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
 
 REPOSITORY = Path(__file__).parents[1]

@@ -23,7 +23,7 @@ from furcl.fibre.double_cylinder.profiles import MedullaProfiles, build_profiles
 from furcl.fibre.double_cylinder.reference.angles import wrapped_gaussian
 from furcl.fibre.double_cylinder.reference.energy import nodes_over_h
 from furcl.fibre.material import build_material
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 PRESETS = ("human-white", "human-black", "raccoon", "red-fox", "unlabelled-a", "unlabelled-b")
 

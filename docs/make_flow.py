@@ -33,7 +33,7 @@ GROOM = Box(4.2, 9.2, "strands", "furcl/groom/", HOST)
 TREE = Box(7.0, 9.2, "tree", "furcl/bvh/", HOST)
 FIBRE = Box(4.2, 8.2, "material: parameters, tables", "furcl/fibre/  furcl/surface/", HOST, 2.7)
 LIGHT = Box(4.2, 7.2, "light", "furcl/light/", HOST)
-FEATURES = Box(7.0, 7.7, "features, kernel builds", "furcl/render/  furcl/device/", HOST, 2.3)
+FEATURES = Box(7.0, 7.7, "features, kernel builds", "furcl/rendering/  furcl/device/", HOST, 2.3)
 # Once a wave: the stages, from left to right.
 GENERATE = Box(1.2, 4.6, "generate", "kernels/stages/generate.cl", DEVICE)
 CLOSEST = Box(3.9, 4.6, "intersect_closest", "kernels/stages/intersect.cl", DEVICE)
@@ -50,7 +50,7 @@ STATE = Box(
     10.2,
 )
 FILM = Box(1.2, 0.8, "add_to_film", "kernels/stages/film.cl", DEVICE)
-SUMS = Box(4.2, 0.8, "film: sums, squares, counts", "furcl/render/film.py", DATA, 2.7)
+SUMS = Box(4.2, 0.8, "film: sums, squares, counts", "furcl/rendering/film.py", DATA, 2.7)
 IMAGE = Box(7.2, 0.8, "picture", "furcl/image/", HOST)
 BOXES = (
     SCENE, GROOM, TREE, FIBRE, LIGHT, FEATURES, GENERATE, CLOSEST, ESCAPED, SAMPLE, SHADE, SHADOW,
@@ -116,7 +116,10 @@ def main() -> None:
     _arrow(axes, (FILM.x, _below(STATE)[1]), _above(FILM))
     for y, text in (
         (9.75, "once a scene, on the host"),
-        (6.35, "once a wave, on the device: furcl/render/renderer.py, furcl/render/wavefront.py"),
+        (
+            6.35,
+            "once a wave, on the device: furcl/rendering/renderer.py, furcl/rendering/wavefront.py",
+        ),
     ):
         axes.text(-0.1, y, text, fontsize=9, weight="bold", va="center")
     axes.plot([-0.1, 10.7], [6.65, 6.65], color="#999999", linewidth=0.8, linestyle=":")

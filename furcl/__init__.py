@@ -15,9 +15,9 @@ _PUBLIC = {
     "save_curves": "furcl.groom.formats",
     "Curves": "furcl.groom.curves",
     "Fibre": "furcl.fibre.double_cylinder.parameters",
-    "render": "furcl.render.renderer",
-    "Renderer": "furcl.render.renderer",
-    "Probe": "furcl.render.probe",
+    "render": "furcl.rendering.renderer",
+    "Renderer": "furcl.rendering.renderer",
+    "Probe": "furcl.rendering.probe",
     "Image": "furcl.image.image",
     "open_device": "furcl.device.choice",
     "FurclError": "furcl.errors",
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from furcl.groom.curves import Curves
     from furcl.groom.formats import load_curves, save_curves
     from furcl.image.image import Image
-    from furcl.render.probe import Probe
-    from furcl.render.renderer import Renderer, render
+    from furcl.rendering.probe import Probe
+    from furcl.rendering.renderer import Renderer, render
     from furcl.scene.read import load_scene
     from furcl.scene.tables import Scene
 

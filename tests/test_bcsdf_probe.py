@@ -8,7 +8,7 @@ from offset_cells import wo_at
 from scipy import stats
 
 from furcl import bcsdf
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 CASES = [
     (name, theta_deg, sampling)

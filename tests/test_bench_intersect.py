@@ -11,7 +11,7 @@ from furcl.bench import intersect
 from furcl.bench.ray_sets import ray_sets
 from furcl.errors import GroomError
 from furcl.oracle.embree_rays import EmbreeScene
-from furcl.render.rays import Tracer
+from furcl.rendering.rays import Tracer
 
 
 def test_bench_measures_four_kinds_of_rays(device, tmp_path):

@@ -270,7 +270,7 @@ def test_embree_builds_a_binary_tree_of_all_primitives(n, rng):
 def test_building_needs_no_numba():
     """It is there for benchmarks only, and takes longer to load than a tree to build."""
     code = (
-        "import sys, furcl.render.renderer\n"
+        "import sys, furcl.rendering.renderer\n"
         "from furcl.bvh import embree_callbacks\n"
         "embree_callbacks.compiled()\n"
         "print('numba' in sys.modules)"

@@ -20,7 +20,7 @@ from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves, save_curves
 from furcl.image.image import Image
 from furcl.paths import scene_folder
-from furcl.render import renderer
+from furcl.rendering import renderer
 from furcl.settings import switched_on
 
 FIBRE_SCENE = """

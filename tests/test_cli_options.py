@@ -103,7 +103,7 @@ def test_a_sampler_of_a_file_renders(
     def render(scene: Any, **_: Any) -> Image:
         return Image(np.zeros((1, 1, 3), np.float32), None, {"sampling": scene.render.sampling})
 
-    monkeypatch.setattr("furcl.render.renderer.render", render)
+    monkeypatch.setattr("furcl.rendering.renderer.render", render)
     file = tmp_path / f"{stem}.clh"
     file.write_text(EXAMPLE.read_text())
     picture = tmp_path / "a.exr"

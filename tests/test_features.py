@@ -19,9 +19,9 @@ from furcl.fibre.material import NEGLIGIBLE_SHARE
 from furcl.groom.curves import Curves
 from furcl.light import kinds as lights
 from furcl.paths import scene_folder
-from furcl.render.renderer import Renderer
-from furcl.render.specialise import everything_on
-from furcl.render.wavefront import stage_defines, stage_files
+from furcl.rendering.renderer import Renderer
+from furcl.rendering.specialise import everything_on
+from furcl.rendering.wavefront import stage_defines, stage_files
 from furcl.scene.read import load_scene, with_overrides
 from furcl.surface.ellipsoid import PART
 

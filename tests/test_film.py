@@ -8,7 +8,7 @@ from furcl.device import layout, program
 from furcl.device.features import Features
 from furcl.device.launch import grid
 from furcl.device.memory import Memory
-from furcl.render.film import Film
+from furcl.rendering.film import Film
 
 
 def _add(device, memory, film, values, first_sample):

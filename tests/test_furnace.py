@@ -19,7 +19,7 @@ from furcl.fibre.double_cylinder.profiles import build_profiles
 from furcl.fibre.double_cylinder.reference.angles import MIN_BETA
 from furcl.fibre.double_cylinder.reference.energy import nodes_over_h
 from furcl.paths import scene_folder
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 from furcl.scene.read import load_scene
 
 DEGREES = (0, 45, 75, 85)

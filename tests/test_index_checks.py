@@ -14,7 +14,7 @@ from furcl.device import layout, source
 from furcl.errors import KernelIndexError
 from furcl.image.exr import write_exr
 from furcl.light.image import ImageEnvironment
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 
 
 @pytest.fixture

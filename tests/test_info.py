@@ -21,7 +21,7 @@ from furcl.fibre.double_cylinder.paper import LOBE_SHARES
 from furcl.groom.curves import Curves
 from furcl.groom.formats import save_curves
 from furcl.image.image import Image
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene, with_overrides
 from furcl.scene.tables import Scene
 

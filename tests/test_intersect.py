@@ -10,8 +10,8 @@ from furcl.device.layout import NO_SEGMENT
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
 from furcl.oracle.embree_rays import EmbreeScene
-from furcl.render import rays as rays_module
-from furcl.render.rays import Rays, Tracer
+from furcl.rendering import rays as rays_module
+from furcl.rendering.rays import Rays, Tracer
 
 
 def trace(device, curves, origins, directions, *arguments):

@@ -14,7 +14,7 @@ from sphere_lamp import SPHERE, SphereLamp, lit_fibre, registered_lamp
 from furcl import bcsdf
 from furcl.errors import SceneError
 from furcl.groom.curves import Curves
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import decode_scene
 
 LAMP = SphereLamp(np.array([1.0, -2.0, 0.5]), 0.5, np.array([1.0, 2.0, 3.0]))

@@ -10,7 +10,7 @@ from furcl.device.choice import Device
 from furcl.fibre.double_cylinder.paper import LOBE_SHARES
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import build_profiles
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 # Points of a hundred by which a share may differ from the paper's. Measured, R to TRTs:
 #   human-black  95.75  0.96 0.000  3.29 0.000

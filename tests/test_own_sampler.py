@@ -15,7 +15,7 @@ from furcl.errors import FurclError, KernelBuildError, SamplerError, SceneError
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.paths import kernel_folder
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 from furcl.scene.read import decode_scene
 
 EXAMPLE = Path(__file__).parents[1] / "bench" / "samplers" / "lobe_cdf.clh"

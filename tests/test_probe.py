@@ -5,7 +5,7 @@ import pytest
 from fibres import FIBRES
 
 from furcl import bcsdf
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 N = 20_000
 

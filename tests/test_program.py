@@ -14,7 +14,7 @@ from furcl.errors import KernelBuildError
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
 from furcl.light import kinds as lights
-from furcl.render.wavefront import stage_defines, stage_files
+from furcl.rendering.wavefront import stage_defines, stage_files
 from furcl.surface.ellipsoid import PART as ELLIPSOID
 
 VALUE = "__kernel void value(__global float* out) { out[0] = VALUE; }\n"

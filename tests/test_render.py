@@ -14,7 +14,7 @@ from furcl import bcsdf
 from furcl.device import layout
 from furcl.errors import GroomError
 from furcl.paths import scene_folder
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import with_overrides
 
 SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")

@@ -66,7 +66,7 @@ def test_wrong_commits_are_seen(tmp_path):
     old = commit(tmp_path, "furcl/film.py")
     new = commit(tmp_path, "furcl/film.py")
     git(tmp_path, "checkout", "--quiet", "-b", "other")
-    elsewhere = commit(tmp_path, "furcl/render.py")
+    elsewhere = commit(tmp_path, "furcl/rendering.py")
     git(tmp_path, "checkout", "--quiet", "main")
     write(tmp_path, "furcl/film.py")
     dirty = code_commit(tmp_path)

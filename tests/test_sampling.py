@@ -12,7 +12,7 @@ from offset_cells import N_CELLS, cell, integrals, resolved, wo_at
 
 from furcl import bcsdf
 from furcl.fibre.double_cylinder.reference.angles import centre_and_width
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
 CASES = [

@@ -7,7 +7,7 @@ import pytest
 from ray_reference import leaves_strand_before, strands, unit
 
 from furcl.device.layout import NO_SEGMENT
-from furcl.render.rays import Rays, Tracer
+from furcl.rendering.rays import Rays, Tracer
 
 
 def straight(_):

@@ -13,7 +13,7 @@ from furcl.bench import stability_renders
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
 from furcl.oracle.host_render import HostRenderer, _Segments
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
 
 # Nothing absorbs in it: its picture is known, and the host's paths through it are long and uneven.

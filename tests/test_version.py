@@ -16,7 +16,7 @@ if shutil.which("git") is None:
 
 CODE = (
     "kernels/stages/shade.cl",
-    "furcl/render/film.py",
+    "furcl/rendering/film.py",
     "scenes/raccoon.toml",
     "bench/peers.py",
     "bench/results.sh",
@@ -87,7 +87,7 @@ def test_code_of_another_branch_is_named_after_the_merge(root):
     """A merge that brings code names the commit that holds all of it, the merge itself or another
     with the same code."""
     git(root, "checkout", "--quiet", "-b", "other")
-    other = commit(root, "furcl/render/film.py")
+    other = commit(root, "furcl/rendering/film.py")
     git(root, "checkout", "--quiet", "main")
     commit(root, "docs/performance.md")
     git(root, "merge", "--quiet", "--no-edit", "other")

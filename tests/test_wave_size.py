@@ -9,8 +9,8 @@ from scene_documents import fur_patch
 from furcl.device import layout
 from furcl.device.features import Features
 from furcl.errors import ResourceError
-from furcl.render.renderer import render
-from furcl.render.wave_size import DEFAULT_CPU, DEFAULT_GPU, WaveSize, choose_wave_size
+from furcl.rendering.renderer import render
+from furcl.rendering.wave_size import DEFAULT_CPU, DEFAULT_GPU, WaveSize, choose_wave_size
 
 N_PLANES = len(layout.planes(Features()))
 PLENTY = 1 << 50

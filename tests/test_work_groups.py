@@ -6,7 +6,7 @@ from scene_documents import fur_patch
 
 import furcl
 from furcl.device import launch, program
-from furcl.render import wavefront
+from furcl.rendering import wavefront
 
 SCENE = {"light_sampling": "mis", "residual": True, "spp": 2}
 

@@ -32,7 +32,7 @@ from furcl.fibre.samplers import BUILT_IN
 from furcl.files import atomic_path
 from furcl.image import compare
 from furcl.image.image import Image
-from furcl.render.renderer import Progress, Renderer
+from furcl.rendering.renderer import Progress, Renderer
 from furcl.scene.read import with_overrides
 from furcl.scene.tables import Scene
 

@@ -15,7 +15,7 @@ import numpy as np
 from furcl.fibre import samplers
 from furcl.image.image import Image
 from furcl.paths import cache_folder
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.tables import Scene
 
 PILOT_SPP = 8

@@ -17,7 +17,7 @@ from furcl.bench.pairs import in_turns
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import Device, open_device
 from furcl.image.image import Image
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene, with_overrides
 
 log = logging.getLogger(__name__)

@@ -20,7 +20,7 @@ from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
 from furcl.groom.grow import GENERATORS
 from furcl.oracle.embree_rays import EmbreeScene
-from furcl.render.rays import Rays, Tracer
+from furcl.rendering.rays import Rays, Tracer
 from furcl.scene.camera import Camera
 from furcl.scene.read import find_scene, load_scene
 

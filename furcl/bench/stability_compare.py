@@ -40,7 +40,7 @@ from furcl.fibre.double_cylinder.profiles import (
     LongitudinalProfiles,
     MedullaProfiles,
 )
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
 

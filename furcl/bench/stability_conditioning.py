@@ -16,7 +16,7 @@ from furcl.fibre.double_cylinder import reference
 from furcl.fibre.double_cylinder.layout import SCATTERED
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.profiles import MedullaProfiles
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from furcl.fibre.double_cylinder.densities import lobe_densities
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference import LOBES
 from furcl.fibre.double_cylinder.reference.angles import centre_and_width
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
 

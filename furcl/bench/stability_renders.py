@@ -19,7 +19,7 @@ from scipy import stats
 from furcl.device.choice import Device
 from furcl.oracle.host_render import HostRenderer
 from furcl.paths import scene_folder
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from furcl.device import layout
 from furcl.fibre.attenuation import AttenuationTables
 from furcl.fibre.double_cylinder.profiles import MedullaProfiles
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
 

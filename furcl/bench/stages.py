@@ -11,8 +11,8 @@ from typing import Any
 
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import Device, open_device
-from furcl.render.renderer import Renderer
-from furcl.render.wavefront import RAY_STAGES
+from furcl.rendering.renderer import Renderer
+from furcl.rendering.wavefront import RAY_STAGES
 from furcl.scene.read import load_scene
 from furcl.scene.tables import Scene
 

@@ -17,14 +17,14 @@ import numpy as np
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import open_device
 from furcl.errors import FurclError
-from furcl.render.renderer import FIRST_SAMPLES
+from furcl.rendering.renderer import FIRST_SAMPLES
 
 # Folders that furcl and what it uses keep between processes.
 _CACHES = ("FURCL_CACHE_DIR", "POCL_CACHE_DIR", "NUMBA_CACHE_DIR")
 
 _COMPILE_EVERYTHING = """
 import sys
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
 renderer = Renderer(load_scene(sys.argv[1], size="16x16"), sys.argv[2], specialised=False)
 renderer.advance(1)

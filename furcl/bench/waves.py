@@ -14,7 +14,7 @@ import numpy as np
 from furcl.bench.pairs import in_turns, median_interval
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import Device, open_device
-from furcl.render.renderer import Renderer
+from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
 from furcl.scene.tables import Scene
 

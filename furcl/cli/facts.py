@@ -59,8 +59,8 @@ def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str
     ------
     DeviceError, GroomError, SceneError, ResourceError, KernelBuildError
     """
-    from furcl.render.renderer import Renderer
-    from furcl.render.specialise import compiled_in, left_out
+    from furcl.rendering.renderer import Renderer
+    from furcl.rendering.specialise import compiled_in, left_out
 
     renderer = Renderer(scene, device)
     opened, material = renderer.device, renderer.material

@@ -17,9 +17,9 @@ from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
 from furcl.image.image import Image
-from furcl.render.setup import Setup, set_up
-from furcl.render.specialise import left_out, summary
-from furcl.render.wavefront import QueueLengths
+from furcl.rendering.setup import Setup, set_up
+from furcl.rendering.specialise import left_out, summary
+from furcl.rendering.wavefront import QueueLengths
 from furcl.scene.read import with_overrides
 from furcl.scene.tables import Scene
 from furcl.version import software
@@ -46,7 +46,7 @@ class Renderer:
     ----------
     scene : Scene
     device : str, Device or None    as for `furcl.render`
-    wave_size : int or None         paths traced together; None: by furcl.render.wave_size
+    wave_size : int or None         paths traced together; None: by furcl.rendering.wave_size
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
     curves : Curves, Future or None     the scene's groom, where it is there or on its way

@@ -24,7 +24,7 @@ from furcl.device.launch import (
 from furcl.device.memory import Memory, fill
 from furcl.device.source import kernel_text
 from furcl.fibre.material import FibreMaterial
-from furcl.render.film import Film
+from furcl.rendering.film import Film
 
 RAY_STAGES = ("intersect_closest", "intersect_shadow")
 QUEUE_STAGES = ("shade_escaped", "sample_lobe_h", "shade", "shade_surface")

@@ -22,10 +22,10 @@ from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
 from furcl.light.model import Light
-from furcl.render.film import Film
-from furcl.render.specialise import everything_on, scene_features
-from furcl.render.wave_size import WaveSize, choose_wave_size
-from furcl.render.wavefront import Wavefront
+from furcl.rendering.film import Film
+from furcl.rendering.specialise import everything_on, scene_features
+from furcl.rendering.wave_size import WaveSize, choose_wave_size
+from furcl.rendering.wavefront import Wavefront
 from furcl.scene.tables import Scene
 from furcl.surface.ellipsoid import NOWHERE
 
@@ -79,7 +79,7 @@ def set_up(
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
 
-    Parameters are those of furcl.render.renderer.Renderer.
+    Parameters are those of furcl.rendering.renderer.Renderer.
 
     Raises
     ------
