@@ -24,6 +24,8 @@ _PUBLIC = {
 }
 # Public names of modules.
 _MODULES = {
+    "lights": "furcl.light.kinds",
+    "models": "furcl.fibre.model",
     "bcsdf": "furcl.fibre.double_cylinder.reference",
     "bench": "furcl.bench",
     "samplers": "furcl.fibre.samplers",
@@ -33,12 +35,14 @@ if TYPE_CHECKING:
     from furcl import bench
     from furcl.device.choice import open_device
     from furcl.errors import FurclError
+    from furcl.fibre import model as models
     from furcl.fibre import samplers
     from furcl.fibre.double_cylinder import reference as bcsdf
     from furcl.fibre.double_cylinder.parameters import Fibre
     from furcl.groom.curves import Curves
     from furcl.groom.formats import load_curves, save_curves
     from furcl.image.image import Image
+    from furcl.light import kinds as lights
     from furcl.rendering.probe import Probe
     from furcl.rendering.renderer import Renderer, render
     from furcl.scene.read import load_scene
@@ -54,8 +58,10 @@ __all__ = [
     "Scene",
     "bcsdf",
     "bench",
+    "lights",
     "load_curves",
     "load_scene",
+    "models",
     "open_device",
     "render",
     "samplers",

@@ -50,7 +50,7 @@ def _share_that_holds_the_median(n, shrink, rng):
     held = 0
     for row in x:
         found = median_interval(row)
-        place = int(np.searchsorted(row, found.low)) + shrink
+        place = int(np.searchsorted(row, np.float64(found.low or np.nan))) + shrink
         held += row[place] <= 1.0 <= row[-1 - place]
     return held / RUNS
 

@@ -34,7 +34,7 @@ def test_structs_that_a_device_may_pad_are_refused(fields, message):
 @pytest.mark.parametrize("name", layout.STRUCTS)
 def test_structs_need_no_padding(name):
     dtype = layout.struct_dtype(name)
-    assert dtype.itemsize == sum(dtype[field].itemsize for field in dtype.names)
+    assert dtype.itemsize == sum(dtype[field].itemsize for field in dtype.names or ())
     assert dtype.itemsize % 16 == 0
 
 
