@@ -2,7 +2,9 @@
 
 Of the kernels every file whose text is in the build of a stage, as `Wavefront` builds it; of Python
 every file of furcl with a function that runs while waves are traced, seen by the interpreter in a
-render of a few pixels under a sky that is sampled. Whole files count, with their comments.
+render of a few pixels under a sky that is sampled. Whole files count, with their comments. What
+any program needs and a reader knows, functions of mathematics, vectors, random numbers, launches
+and memory, counts apart (UTILITIES): so it is in the figures of other renderers.
 `--page docs/architecture.md` writes the table into that page.
 """
 
@@ -24,6 +26,13 @@ REPOSITORY = Path(__file__).parents[1]
 SCENE = "single_fibre"  # fibres of one material and no surface
 LIGHT = ('environment={kind="sky"}', "render.light_sampling=mis")
 PIXELS = "8x8"
+UTILITIES = (
+    *(
+        f"kernels/include/core/{name}.clh"
+        for name in ("prelude", "math", "cdf", "spectrum", "lanes", "rng")
+    ),
+    "furcl/device/",
+)
 MARKS = ("<!-- count -->\n", "<!-- end -->")
 
 
@@ -35,28 +44,33 @@ class Count:
     python: dict[str, int]
 
     @property
-    def files(self) -> int:
-        """Number of files."""
-        return len(self.kernels) + len(self.python)
+    def path(self) -> dict[str, int]:
+        """The files that are no utilities."""
+        every = {**self.kernels, **self.python}
+        return {file: lines for file, lines in every.items() if not file.startswith(UTILITIES)}
 
     @property
-    def lines(self) -> int:
-        """Lines of all files."""
-        return sum(self.kernels.values()) + sum(self.python.values())
+    def utilities(self) -> dict[str, int]:
+        """The others."""
+        every = {**self.kernels, **self.python}
+        return {file: lines for file, lines in every.items() if file.startswith(UTILITIES)}
 
     def table(self) -> str:
         """What the page shows: sums, and the files by folder."""
-        folders: dict[str, list[str]] = {}
-        for file, lines in {**self.kernels, **self.python}.items():
-            folder, _, name = file.rpartition("/")
-            folders.setdefault(folder, []).append(f"{name} {lines}")
-        rows = [f"| `{folder}/` | {', '.join(files)} |" for folder, files in folders.items()]
+        rows = []
+        for title, files in (("path", self.path), ("utilities", self.utilities)):
+            folders: dict[str, list[str]] = {}
+            for file, lines in files.items():
+                folder, _, name = file.rpartition("/")
+                folders.setdefault(folder, []).append(f"{name} {lines}")
+            rows += [f"| {title} | `{folder}/` | {', '.join(n)} |" for folder, n in folders.items()]
         sums = (
-            f"{self.files} files of {self.lines} lines: {len(self.kernels)} of kernels "
-            f"({sum(self.kernels.values())} lines), {len(self.python)} of Python "
-            f"({sum(self.python.values())})."
+            f"{len(self.path)} files of {sum(self.path.values())} lines; and "
+            f"{len(self.utilities)} of {sum(self.utilities.values())} lines with utilities."
         )
-        return "\n".join([sums, "", "| folder | files and their lines |", "|---|---|", *rows, ""])
+        return "\n".join(
+            [sums, "", "| | folder | files and their lines |", "|---|---|---|", *rows, ""]
+        )
 
 
 def count(scene: str = SCENE, device: str | None = None) -> Count:

@@ -65,8 +65,13 @@ def test_unwritable_folder_is_no_error(cached_device, tmp_path, monkeypatch):
     assert _value(cached_device, _build(cached_device, "4.5f")) == 4.5
 
 
+def _film(**changes):
+    """The text of a stage."""
+    return kernel_text("stages/film.cl", Features(**changes), {"FURCL_PATHS_PER_ITEM": 1})
+
+
 def _keys(device):
-    text = kernel_text("stages/film.cl", Features())
+    text = _film()
     return kernel_cache.cache_key(device, text, OPTIONS)
 
 
@@ -76,9 +81,9 @@ def _keys(device):
 )
 def test_key_covers_all_that_decides_a_binary(device, tmp_path, monkeypatch, change):
     before = _keys(device)
-    text, options, other = kernel_text("stages/film.cl", Features()), OPTIONS, device
+    text, options, other = _film(), OPTIONS, device
     if change == "features":
-        text = kernel_text("stages/film.cl", Features(variance=False))
+        text = _film(variance=False)
     elif change == "include":
         import shutil
 
@@ -87,7 +92,7 @@ def test_key_covers_all_that_decides_a_binary(device, tmp_path, monkeypatch, cha
         spectrum = folder / "include" / "core/spectrum.clh"
         spectrum.write_text(spectrum.read_text() + "/* one more comment */\n")
         monkeypatch.setattr(source, "kernel_folder", lambda: folder)
-        text = kernel_text("stages/film.cl", Features())
+        text = _film()
     elif change == "options":
         options = (*OPTIONS, "-cl-mad-enable")
     elif change != "nothing":

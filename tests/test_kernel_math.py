@@ -42,7 +42,7 @@ def test_wrapped_gaussian(device, beta):
     x = np.linspace(-7, 7, 4001).astype(np.float32)
     got = call(
         device,
-        "fibre/double_cylinder/azimuthal.clh",
+        "fibre/double_cylinder/unscattered.clh",
         "azimuthal_density(x, y)",
         x,
         np.float32(beta),
@@ -99,13 +99,15 @@ ELEMENTARY = {
     "one_minus_exp": (
         "one_minus_exp(x)", np.geomspace(1e-30, 200, 20001), lambda x: -np.expm1(-x), 4e-7, 0,
     ),
-    "decay": (
-        "decay(x)", np.concatenate([-np.geomspace(1e-30, 87, 20001), [0.0]]), np.exp, 4e-7, 0,
+    "exp_negative": (
+        "exp_negative(x)", np.concatenate([-np.geomspace(1e-30, 87, 20001), [0.0]]),
+        np.exp, 4e-7, 0,
     ),
-    "decay3": (
-        "decay3((float3)(0.0f, x, -1.0f)).y", -np.geomspace(1e-30, 87, 20001), np.exp, 4e-7, 0,
+    "exp_negative3": (
+        "exp_negative3((float3)(0.0f, x, -1.0f)).y", -np.geomspace(1e-30, 87, 20001),
+        np.exp, 4e-7, 0,
     ),
-    "decay far out": ("decay(x)", [-87.5, -1e3, -1e30, -np.inf], np.exp, 0, 2e-38),
+    "exp_negative far out": ("exp_negative(x)", [-87.5, -1e3, -1e30, -np.inf], np.exp, 0, 2e-38),
     "nearest_whole": (
         "nearest_whole(x)", np.concatenate([np.linspace(-20, 20, 801), [4e6, -4194303.5, -0.0]]),
         np.rint, 0, 0,
@@ -140,7 +142,7 @@ def test_arc_tangent(device, rng):
 
 
 def test_decay_of_nan_is_nan(device):
-    assert np.isnan(call(device, "core/math.clh", "decay(x)", [np.nan])).all()
+    assert np.isnan(call(device, "core/math.clh", "exp_negative(x)", [np.nan])).all()
 
 
 @pytest.mark.parametrize("size", [1e-15, 1e-3, 1.0, 1e15])
@@ -170,7 +172,7 @@ def test_search_cdf(device, rng, count):
     u = np.concatenate([cdf[:-1], np.nextafter(cdf, 0.0), rng.random(4000), [0.0, 1 - 2.0**-24]])
     u = u.astype(np.float32)[u < 1.0]
     table = np.resize(cdf, len(u)) if len(u) >= count else cdf
-    got = call(device, "core/math.clh", "FOUND(y)", table, u, before=SEARCH % count)
+    got = call(device, "core/cdf.clh", "FOUND(y)", table, u, before=SEARCH % count)
     np.testing.assert_array_equal(got, np.searchsorted(cdf, u, side="right"))
 
 
@@ -179,13 +181,13 @@ static float lane_error(uint i)
 {
     UintLanes pixel, sample;
     for (uint k = 0; k < FURCL_LANES; k++) {
-        UINT_LANE(pixel, k) = 977u * i + k;
-        UINT_LANE(sample, k) = i ^ k;
+        set_uint_lane(&pixel, k, 977u * i + k);
+        set_uint_lane(&sample, k, i ^ k);
     }
     const Lanes4 u = uniform_lanes(7u, pixel, sample, 5u);
     float4 worst = (float4)(0.0f);
     for (uint k = 0; k < FURCL_LANES; k++)
-        worst = fmax(worst, fabs(LANES4_AT(u, k) - uniform4(7u, 977u * i + k, i ^ k, 5u)));
+        worst = fmax(worst, fabs(lane4(&u, k) - uniform4(7u, 977u * i + k, i ^ k, 5u)));
     return worst.x + worst.y + worst.z + worst.w;
 }
 """
@@ -195,7 +197,7 @@ static float lane_error(uint i)
 def test_lanes_have_the_random_numbers_of_their_paths(device, lanes):
     error = call(
         device,
-        "core/rng.clh",
+        "core/lanes.clh",
         "lane_error((uint)x)",
         np.arange(1000),
         before=LANE_ERROR,

@@ -293,7 +293,7 @@ def test_azimuthal_density_integrates_to_one(device, beta):
     at = ((cuts[:-1, None] + half) + half * x).ravel()
     got = call(
         device,
-        "fibre/double_cylinder/azimuthal.clh",
+        "fibre/double_cylinder/unscattered.clh",
         "azimuthal_density(x, y)",
         at,
         np.float32(beta),

@@ -57,7 +57,7 @@ class Bvh:
     memory : Memory         holds the buffers
     blocks : cl.Buffer      (n_blocks, 32) uint32, see kernels/include/bvh/block.clh;
                             block 0 is the root
-    vertices : cl.Buffer    positions and radii, see kernels/include/geometry/vertices.clh
+    vertices : cl.Buffer    positions and radii, see kernels/include/geometry/curve.clh
     point_radii : bool      whether each vertex has a radius of its own
     strands : cl.Buffer     uint32: number of strands, points of the longest one, then
                             (n_strands + 1,) offsets: strand s owns vertices offsets[s] ..
@@ -180,7 +180,7 @@ def watch(checks: index_checks.IndexChecks, geometry: list[cl.Buffer], n_vertice
 
 
 def _upload_vertices(memory: Memory, curves: Curves, point_radii: bool) -> cl.Buffer:
-    """What kernels/include/geometry/vertices.clh reads, copied a part at a time."""
+    """What kernels/include/geometry/curve.clh reads, copied a part at a time."""
     n, width = curves.n_points, 4 if point_radii else 3
     head = np.zeros(0 if point_radii else 1, np.float32)
     head[:] = curves.radii[0]

@@ -50,7 +50,7 @@ class ChunkBuilder:
     Parameters
     ----------
     scratch : Memory            takes BUFFERS, which all chunks share
-    vertices : cl.Buffer        of the whole groom, see kernels/include/geometry/vertices.clh
+    vertices : cl.Buffer        of the whole groom, see kernels/include/geometry/curve.clh
     point_radii : bool          whether they have a radius each
     size : float                of the groom, any measure of it
     capacity : int              segments of the largest chunk

@@ -1,7 +1,7 @@
 """Index checks of debug builds (Features.debug, FURCL_DEBUG=1): the records that kernels write.
 
 A buffer that is watched has a record in its last words, behind its contents, where
-kernels/include/core/index_checks.clh writes the first index that is outside its range.
+kernels/include/core/prelude.clh writes the first index that is outside its range.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ LOCAL_SIZE = 64
 
 Size = tuple[tuple[int], tuple[int]]
 
-# Stages over queues of paths (kernels/include/core/queue.clh): paths that a work-item takes,
+# Stages over queues of paths (kernels/include/core/paths.clh): paths that a work-item takes,
 # work-items in a group.
 _PATHS_CPU = (32, 1)
 _PATHS_GPU = (1, 64)

@@ -152,7 +152,8 @@ class Wavefront:
         self.active_counts, self.counts = (
             memory.allocate(f"queue lengths {name}", 4 * layout.N_COUNTS) for name in ("in", "out")
         )
-        self.lobe_counts = memory.allocate("lobe counts", 4 * len(material.lobes), zero=True)
+        self._n_lobes = len(material.lobes)
+        self.lobe_counts = memory.allocate("lobe counts", 4 * self._n_lobes, zero=True)
         self.geometry = no_geometry(memory)
         self._warm_up()
 
@@ -335,9 +336,8 @@ class Wavefront:
 
     def read_lobe_counts(self) -> np.ndarray:
         """Selections of each lobe since the last call, (n_lobes,) int64; sets them to zero."""
-        n = len(self.material.lobes)
-        counts = self.memory.read(self.lobe_counts, n, np.uint32)
-        fill(self.queue, self.lobe_counts, 0, 4 * n)
+        counts = self.memory.read(self.lobe_counts, self._n_lobes, np.uint32)
+        fill(self.queue, self.lobe_counts, 0, 4 * self._n_lobes)
         return counts.astype(np.int64)
 
     def _size(self, stage: str, n: int) -> Size:

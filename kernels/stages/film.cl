@@ -13,11 +13,19 @@
 
 #define FILM_SPECTRA (FURCL_VARIANCE ? 4u : 2u)
 
+#if FURCL_DEBUG
+/* Places where a spectrum can begin. */
+static inline uint film_places(Paths paths)
+{
+    return recorded(paths_record(paths), FURCL_CHECK_N_FILM) - (FURCL_CHANNELS - 1u);
+}
+#endif
+
 /* Where a pixel's n-th spectrum is. */
 static inline __global float* film_place(__global float* film, Paths paths, uint pixel, uint n)
 {
-    return film + FURCL_INDEX(paths_record(paths), (pixel * FILM_SPECTRA + n) * FURCL_CHANNELS,
-                              recorded(paths_record(paths), FURCL_CHECK_N_FILM) - (FURCL_CHANNELS - 1u));
+    const uint place = (pixel * FILM_SPECTRA + n) * FURCL_CHANNELS;
+    return film + FURCL_INDEX(paths_record(paths), place, film_places(paths));
 }
 
 /* *sum += x with the rounding error carried along (Kahan 1965). */

@@ -5,7 +5,7 @@
    over     the wave's paths
    next     intersect_closest */
 #include "camera/camera.clh"
-#include "core/queue.clh"
+#include "core/paths.clh"
 
 __kernel void generate(
     __global float* state, __global uint* queue, const Wave wave, const Camera camera)

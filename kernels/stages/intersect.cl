@@ -2,7 +2,7 @@
 
    A work-item takes FURCL_RAYS_PER_ITEM rays; the vectors are inside a ray (eight lanes at a time). */
 #include "bvh/traversal.clh"
-#include "core/queue.clh"
+#include "core/paths.clh"
 #if FURCL_SURFACE
 #include <surface>
 #endif

@@ -4,7 +4,7 @@
    writes   state: RADIANCE; the paths end here
    over     the miss queue, FURCL_PATHS_PER_ITEM a work-item
    next     film */
-#include "core/queue.clh"
+#include "core/paths.clh"
 #include <light>
 
 __kernel void shade_escaped(
