@@ -50,21 +50,21 @@ class SphereLamp(Light):
         return np.zeros((len(directions), 3))
 
     def pdf(self, points: Array, directions: Array) -> Array:
-        axis, _, versine = self._seen(points, len(directions))
+        axis, _, one_minus_cos = self._seen(points, len(directions))
         chord = directions - axis
-        inside = np.sum(chord * chord, axis=1) <= 2.0 * versine
-        return np.where(inside, _cone_density(versine), 0.0)
+        inside = np.sum(chord * chord, axis=1) <= 2.0 * one_minus_cos
+        return np.where(inside, _cone_density(one_minus_cos), 0.0)
 
     def sample(self, points: Array, u: Array) -> LightSamples:
         axis, distance, edge = self._seen(points, len(u))
-        versine = u[:, 0] * edge
-        cone = around_z(versine, u[:, 1])
+        one_minus_cos = u[:, 0] * edge
+        cone = around_z(one_minus_cos, u[:, 1])
         side = np.where(np.abs(axis[:, 2:]) > 0.5, [[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
         tangent = np.cross(side, axis)
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         frame = np.stack([tangent, np.cross(axis, tangent), axis], axis=1)
         directions = np.einsum("ni,nij->nj", cone, frame)
-        aside_sq = distance**2 * versine * (2.0 - versine)
+        aside_sq = distance**2 * one_minus_cos * (2.0 - one_minus_cos)
         inside = np.sqrt(np.maximum(self.radius**2 - aside_sq, 0.0))
         return LightSamples(
             directions,
@@ -83,13 +83,13 @@ class SphereLamp(Light):
         to_centre = np.broadcast_to(self.centre - points, (n, 3))
         distance = np.maximum(np.linalg.norm(to_centre, axis=1), 1e-18)
         sine = np.minimum(self.radius / distance, 1.0)
-        versine = np.where(sine < 1.0, sine**2 / (1.0 + np.sqrt(1.0 - sine**2)), 0.0)
-        return to_centre / distance[:, None], distance, versine
+        one_minus_cos = np.where(sine < 1.0, sine**2 / (1.0 + np.sqrt(1.0 - sine**2)), 0.0)
+        return to_centre / distance[:, None], distance, one_minus_cos
 
 
-def _cone_density(versine: Array) -> Array:
+def _cone_density(one_minus_cos: Array) -> Array:
     """Density of directions uniform in a cone; 0 for an empty one."""
-    cone = 2.0 * math.pi * versine
+    cone = 2.0 * math.pi * one_minus_cos
     return np.divide(1.0, cone, out=np.zeros_like(cone), where=cone > 0.0)
 
 

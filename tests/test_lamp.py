@@ -107,8 +107,8 @@ def test_device_samples_follow_the_hosts_density(device, place, factor, rng):
     side /= np.linalg.norm(side)
     frame = np.stack([side, np.cross(axis, side), axis])
     edge = math.asin(LAMP.radius / np.linalg.norm(LAMP.centre - point))
-    versine = 1.0 - (found.directions @ frame.T)[:, 2]
-    row = np.minimum((versine / (1.0 - math.cos(edge)) * 10).astype(int), 9)
+    one_minus_cos = 1.0 - (found.directions @ frame.T)[:, 2]
+    row = np.minimum((one_minus_cos / (1.0 - math.cos(edge)) * 10).astype(int), 9)
     turns = np.arctan2(found.directions @ frame[1], found.directions @ frame[0]) / (2.0 * math.pi)
     column = np.floor(turns * 20.0).astype(int) % 20
     counts = np.bincount(row * 20 + column, minlength=200)
@@ -144,25 +144,62 @@ def picture(device, scene, curves):
     return renderer.image()
 
 
-IN_FRONT, BEHIND = (-1.0, 0.75, 0.5), (-4.0, 3.0, 0.8)
+# Half way to the lamp, and twice as far as it.
+IN_FRONT, BEHIND = ([0.25, -1.0, 0.75], 0.45), ([1.0, -4.0, 3.0], 0.8)
 
 
 @pytest.mark.parametrize("light_sampling", ["auto", "mis"])
-def test_only_what_is_nearer_than_the_lamp_shades_it(device, light_sampling):
+@pytest.mark.parametrize("blocker", ["strand", "body"])
+def test_only_what_is_nearer_than_the_lamp_shades_it(device, light_sampling, blocker):
+    document = lit_fibre(SPHERE, light_sampling=light_sampling, spp=64)
+
+    def lit(place):
+        body, others = {}, []
+        if place is not None:
+            middle, radius = place
+            body = {"body": {"centre": middle, "radii": [radius] * 3}}
+            others = [(*middle[1:], radius)]
+        if blocker == "strand":
+            return picture(device, decode_scene(document), strands(*others)).rgb
+        return picture(device, decode_scene({**document, **body}), strands()).rgb
+
     with registered_lamp():
-        scene = decode_scene(lit_fibre(SPHERE, light_sampling=light_sampling, spp=64))
-        lit, behind, in_front = (
-            picture(device, scene, strands(*blockers)).rgb
-            for blockers in ((), [BEHIND], [IN_FRONT])
-        )
-    assert (lit > 0.0).all()
-    np.testing.assert_allclose(behind, lit, rtol=1e-5)
+        alone, behind, in_front = (lit(place) for place in (None, BEHIND, IN_FRONT))
+    assert (alone > 0.0).all()
+    np.testing.assert_allclose(behind, alone, rtol=1e-5)
     assert not in_front.any()
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("factor", [1.0, 1.03], ids=["true", "mutant"])
-def test_a_picture_has_the_light_of_the_lamp(device, factor, rng):
+def test_a_body_has_the_light_of_the_lamp(device, factor, rng):
+    """A white ball whose front the camera sees, and a lamp of its size before it: radiance is a
+    part 1 / pi of the irradiance. Weighed against rays that never find the lamp, a fifth would be
+    missing."""
+    environment = {**SPHERE, "centre": [0.0, -3.0, 0.0], "radius": 1.0}
+    document = lit_fibre(environment, spp=1024)
+    body = {"centre": [0.0, 0.0, 0.0], "radii": [1.0, 1.0, 1.0], "albedo": 1.0}
+    with registered_lamp():
+        scene = decode_scene({**document, "body": body})
+        found = picture(device, scene, strands())
+        light = scene.build_light()
+    n = 200_000
+    half = 199.0 * math.tan(math.radians(0.05))
+    across = rng.uniform(-half, half, (n, 2))
+    depth = -np.sqrt(1.0 - np.sum(across**2, axis=1))
+    points = np.stack([across[:, 0], depth, across[:, 1]], axis=1)
+    sample = light.sample(points, rng.random((n, 2)))
+    cosine = np.maximum(np.sum(sample.directions * points, axis=1), 0.0)
+    values = sample.radiance[:, 1] * cosine / sample.pdf / math.pi
+    assert found.variance is not None
+    variance = values.var() / n + found.variance[..., 1].mean() / found.variance[..., 1].size
+    z = (found.rgb[..., 1].mean() - factor * values.mean()) / math.sqrt(variance)
+    assert (abs(z) < 3.5) == (factor == 1.0), f"z = {z}"
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("factor", [1.0, 1.03], ids=["true", "mutant"])
+def test_a_fibre_has_the_light_of_the_lamp(device, factor, rng):
     """The mean over the picture is the far field of the fibre under the lamp, by float64.
 
     Rays that leave the scene do not find the lamp, so nothing of its light may be left to them: the

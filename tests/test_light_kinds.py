@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from sphere_lamp import SPHERE, SphereLamp, SphereTable, lit_fibre, registered_lamp
 
+import furcl
 from furcl.device.features import Features
 from furcl.errors import LightError, SceneError
 from furcl.light import kinds
@@ -24,6 +25,7 @@ PACKAGE = Path(kinds.__file__).parents[1]
 
 def test_names_begin_with_those_of_furcl():
     built_in = ("constant", "sky", "image")
+    assert furcl.lights is kinds
     assert kinds.names() == built_in
     with registered_lamp():
         assert kinds.names() == (*built_in, "sphere")
