@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import furcl
+from furcl.device.choice import Device
 from furcl.paths import kernel_folder
 from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
@@ -59,7 +60,7 @@ class Count:
         return "\n".join([sums, "", "| folder | files and their lines |", "|---|---|", *rows, ""])
 
 
-def count(scene: str = SCENE, device: str | None = None) -> Count:
+def count(scene: str = SCENE, device: str | Device | None = None) -> Count:
     """What the paths of a scene pass."""
     renderer = Renderer(load_scene(scene, size=PIXELS, overrides=LIGHT), device)
     kernels = {f for text in renderer.wavefront.stage_texts().values() for f in _files_of(text)}

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import count_path
 import documents
 import pytest
 import typer
@@ -199,3 +200,12 @@ def test_the_page_shows_the_layers_that_are_held():
     page = PAGES["docs/architecture.md"]
     shown = re.findall(r"^    ([a-z ]+)$", page[page.index("make imports") :], re.M)
     assert [set(line.split()) for line in shown] == held
+
+
+def test_the_page_counts_what_a_path_passes(device):
+    """Up to a line in twenty: `make docs` counts anew."""
+    found = count_path.count(device=device)
+    sums = re.search(r"(\d+) files of (\d+) lines", PAGES["docs/architecture.md"])
+    assert sums is not None
+    assert int(sums[1]) == found.files
+    assert int(sums[2]) == pytest.approx(found.lines, rel=0.05)
