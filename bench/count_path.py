@@ -15,6 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from tables import filled
+
 import furcl
 from furcl.device.choice import Device
 from furcl.paths import kernel_folder
@@ -25,7 +27,7 @@ REPOSITORY = Path(__file__).parents[1]
 SCENE = "single_fibre"  # fibres of one material and no surface
 LIGHT = ('environment={kind="sky"}', "render.light_sampling=mis")
 PIXELS = "8x8"
-MARKS = ("<!-- count -->\n", "<!-- end -->")
+MARK = "files of a path"
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Count:
             f"({sum(self.kernels.values())} lines), {len(self.python)} of Python "
             f"({sum(self.python.values())})."
         )
-        return "\n".join([sums, "", "| folder | files and their lines |", "|---|---|", *rows, ""])
+        return "\n".join([sums, "", "| folder | files and their lines |", "|---|---|", *rows])
 
 
 def count(scene: str = SCENE, device: str | Device | None = None) -> Count:
@@ -99,12 +101,6 @@ def _lines(files: set[Path]) -> dict[str, int]:
     }
 
 
-def write(page: Path, found: Count) -> None:
-    """Replace what stands between the marks of a page."""
-    before, _, rest = page.read_text().partition(MARKS[0])
-    page.write_text(before + MARKS[0] + found.table() + MARKS[1] + rest.partition(MARKS[1])[2])
-
-
 def main() -> None:
     """Print the table, or write it into a page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -114,7 +110,8 @@ def main() -> None:
     arguments = parser.parse_args()
     found = count(arguments.scene, arguments.device)
     if arguments.page:
-        write(arguments.page, found)
+        page = filled(arguments.page.read_text(), {MARK: found.table})
+        arguments.page.write_text(page)
     else:
         print(found.table())
 
