@@ -31,8 +31,9 @@ imports: $(VENV)/.installed
 	$(BIN)/lint-imports
 
 # Pages that are written by the code.
-docs: $(VENV)/.installed
+docs: $(VENV)/.device
 	$(BIN)/python docs/make_scene.py
+	$(BIN)/python bench/count_path.py --page docs/architecture.md
 
 setup: $(VENV)/.device
 

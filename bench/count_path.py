@@ -17,7 +17,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from tables import filled
+
 import furcl
+from furcl.device.choice import Device
 from furcl.paths import kernel_folder
 from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
@@ -33,7 +36,7 @@ UTILITIES = (
     ),
     "furcl/device/",
 )
-MARKS = ("<!-- count -->\n", "<!-- end -->")
+MARK = "files of a path"
 
 
 @dataclass(frozen=True)
@@ -68,12 +71,11 @@ class Count:
             f"{len(self.path)} files of {sum(self.path.values())} lines; and "
             f"{len(self.utilities)} of {sum(self.utilities.values())} lines with utilities."
         )
-        return "\n".join(
-            [sums, "", "| | folder | files and their lines |", "|---|---|---|", *rows, ""]
-        )
+        head = ["| | folder | files and their lines |", "|---|---|---|"]
+        return "\n".join([sums, "", *head, *rows])
 
 
-def count(scene: str = SCENE, device: str | None = None) -> Count:
+def count(scene: str = SCENE, device: str | Device | None = None) -> Count:
     """What the paths of a scene pass."""
     renderer = Renderer(load_scene(scene, size=PIXELS, overrides=LIGHT), device)
     kernels = {f for text in renderer.wavefront.stage_texts().values() for f in _files_of(text)}
@@ -112,12 +114,6 @@ def _lines(files: set[Path]) -> dict[str, int]:
     }
 
 
-def write(page: Path, found: Count) -> None:
-    """Replace what stands between the marks of a page."""
-    before, _, rest = page.read_text().partition(MARKS[0])
-    page.write_text(before + MARKS[0] + found.table() + MARKS[1] + rest.partition(MARKS[1])[2])
-
-
 def main() -> None:
     """Print the table, or write it into a page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -127,7 +123,8 @@ def main() -> None:
     arguments = parser.parse_args()
     found = count(arguments.scene, arguments.device)
     if arguments.page:
-        write(arguments.page, found)
+        page = filled(arguments.page.read_text(), {MARK: found.table})
+        arguments.page.write_text(page)
     else:
         print(found.table())
 

@@ -35,12 +35,13 @@ FIBRE = Box(4.2, 8.2, "material: parameters, tables", "furcl/fibre/  furcl/surfa
 LIGHT = Box(4.2, 7.2, "light", "furcl/light/", HOST)
 FEATURES = Box(7.0, 7.7, "features, kernel builds", "furcl/rendering/  furcl/device/", HOST, 2.3)
 # Once a wave: the stages, from left to right.
-GENERATE = Box(1.2, 4.6, "generate", "kernels/stages/generate.cl", DEVICE)
-CLOSEST = Box(3.9, 4.6, "intersect_closest", "kernels/stages/intersect.cl", DEVICE)
-ESCAPED = Box(6.6, 5.6, "shade_escaped", "kernels/stages/shade.cl", DEVICE)
-SAMPLE = Box(6.6, 4.6, "sample_lobe_h", "kernels/stages/sample_lobe_h.cl", DEVICE)
-SHADE = Box(9.3, 4.6, "shade", "kernels/stages/shade.cl", DEVICE)
-SHADOW = Box(9.3, 3.3, "intersect_shadow", "kernels/stages/intersect.cl", DEVICE)
+GENERATE = Box(1.2, 4.8, "generate", "kernels/stages/generate.cl", DEVICE)
+CLOSEST = Box(3.9, 4.8, "intersect_closest", "kernels/stages/intersect.cl", DEVICE)
+ESCAPED = Box(6.6, 5.7, "shade_escaped", "kernels/stages/shade_escaped.cl", DEVICE)
+SAMPLE = Box(6.6, 4.8, "sample_lobe_h", "kernels/stages/sample_lobe_h.cl", DEVICE)
+SURFACE = Box(6.6, 3.9, "shade_surface", "kernels/stages/shade_surface.cl", DEVICE)
+SHADE = Box(9.3, 4.8, "shade", "kernels/stages/shade.cl", DEVICE)
+SHADOW = Box(9.3, 3.9, "intersect_shadow", "kernels/stages/intersect.cl", DEVICE)
 STATE = Box(
     5.25,
     2.2,
@@ -53,8 +54,8 @@ FILM = Box(1.2, 0.8, "add_to_film", "kernels/stages/film.cl", DEVICE)
 SUMS = Box(4.2, 0.8, "film: sums, squares, counts", "furcl/rendering/film.py", DATA, 2.7)
 IMAGE = Box(7.2, 0.8, "picture", "furcl/image/", HOST)
 BOXES = (
-    SCENE, GROOM, TREE, FIBRE, LIGHT, FEATURES, GENERATE, CLOSEST, ESCAPED, SAMPLE, SHADE, SHADOW,
-    STATE, FILM, SUMS, IMAGE,
+    SCENE, GROOM, TREE, FIBRE, LIGHT, FEATURES, GENERATE, CLOSEST, ESCAPED, SAMPLE, SURFACE,
+    SHADE, SHADOW, STATE, FILM, SUMS, IMAGE,
 )  # fmt: skip
 HEIGHT = 0.62
 
@@ -71,11 +72,9 @@ def _draw(axes: Axes, box: Box) -> None:
     )
 
 
-def _arrow(axes: Axes, tail: tuple[float, float], head: tuple[float, float], bend="arc3") -> None:
+def _arrow(axes: Axes, tail: tuple[float, float], head: tuple[float, float]) -> None:
     axes.add_patch(
-        FancyArrowPatch(
-            tail, head, arrowstyle="-|>", mutation_scale=10, color="#333333", connectionstyle=bend
-        )
+        FancyArrowPatch(tail, head, arrowstyle="-|>", mutation_scale=10, color="#333333")
     )
 
 
@@ -106,13 +105,15 @@ def main() -> None:
     for tail, head in (
         (SCENE, GROOM), (SCENE, FIBRE), (SCENE, LIGHT), (GROOM, TREE), (FIBRE, FEATURES),
         (LIGHT, FEATURES), (GENERATE, CLOSEST), (CLOSEST, ESCAPED), (CLOSEST, SAMPLE),
+        (CLOSEST, SURFACE), (SURFACE, SHADOW),
         (SAMPLE, SHADE), (FILM, SUMS), (SUMS, IMAGE),
     ):  # fmt: skip
         _arrow(axes, _right(tail), _left(head))
     _arrow(axes, _below(SHADE), _above(SHADOW))
     # The next bounce.
-    _arrow(axes, _left(SHADOW), _below(CLOSEST), "angle,angleA=180,angleB=90,rad=8")
-    axes.text(5.9, 3.42, "next bounce, while paths go on", fontsize=8, ha="center")
+    axes.plot([SHADOW.x] * 2 + [CLOSEST.x], [_below(SHADOW)[1], 3.1, 3.1], "#333333", linewidth=1.2)
+    _arrow(axes, (CLOSEST.x, 3.1), _below(CLOSEST))
+    axes.text(6.6, 3.18, "next bounce, while paths go on", fontsize=8, ha="center")
     _arrow(axes, (FILM.x, _below(STATE)[1]), _above(FILM))
     for y, text in (
         (9.75, "once a scene, on the host"),

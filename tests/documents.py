@@ -66,6 +66,11 @@ def links(page: str) -> list[str]:
     return [target for target in _LINK.findall(page) if "://" not in target]
 
 
+def written(page: str) -> str:
+    """A page without what programs put between its marks: records of what was measured."""
+    return re.sub(r"<!-- (?!end).*?<!-- end -->", "", page, flags=re.S)
+
+
 def headings(page: str) -> list[str]:
     """The titles of a page and its sections."""
     return re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```$", "", page, flags=re.M | re.S), re.M)

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import count_path
 import documents
 import pytest
 import typer
@@ -54,7 +55,9 @@ def test_files_and_names_in_comments_exist():
     """Of paths only those that name a file: a folder may be one that a program makes."""
     missing = []
     for source, text in SOURCES.items():
-        files = [path for path in documents.paths(text) if Path(path).suffix]
+        # Tests make up files of their own.
+        paths = [] if source.startswith("tests/") else documents.paths(text)
+        files = [path for path in paths if Path(path).suffix]
         missing += [(source, f) for f in files if not (documents.REPOSITORY / f).exists()]
         names = set(documents.dotted_names(text))
         missing += [(source, name) for name in names if not documents.exists(name)]
@@ -110,7 +113,7 @@ COMMANDS = sorted(
     {
         command
         for page in PAGES.values()
-        for line in re.findall(r"^    (.+)$", page, re.M)
+        for line in re.findall(r"^    (.+)$", documents.written(page), re.M)
         for command in re.findall(r"(?:^|/)furcl ([a-z].*)", line.partition("  #")[0])
     }
 )
@@ -199,3 +202,12 @@ def test_the_page_shows_the_layers_that_are_held():
     page = PAGES["docs/architecture.md"]
     shown = re.findall(r"^    ([a-z ]+)$", page[page.index("make imports") :], re.M)
     assert [set(line.split()) for line in shown] == held
+
+
+def test_the_page_counts_what_a_path_passes(device):
+    """Up to a line in twenty: `make docs` counts anew."""
+    found = count_path.count(device=device)
+    sums = re.search(r"(\d+) files of (\d+) lines", PAGES["docs/architecture.md"])
+    assert sums is not None
+    assert int(sums[1]) == found.files
+    assert int(sums[2]) == pytest.approx(found.lines, rel=0.05)

@@ -16,6 +16,7 @@ import pyopencl as cl
 from pyopencl import _cl
 
 from furcl.device.choice import Device
+from furcl.errors import KernelBuildError
 from furcl.files import write_cache
 from furcl.paths import cache_folder
 
@@ -47,9 +48,13 @@ def built(raw: _cl._Program, options: Sequence[str]) -> cl.Program:
 
     Raises
     ------
-    cl.Error    if it does not compile
+    KernelBuildError    if it does not compile, with what the compiler says
     """
-    raw._build(" ".join(options).encode(), None)
+    try:
+        raw._build(" ".join(options).encode(), None)
+    except cl.Error as error:
+        said = "\n".join(text for _, text in raw._get_build_logs() if text)
+        raise KernelBuildError(said or str(error)) from error
     return cl.Program(raw)
 
 
@@ -67,7 +72,7 @@ def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Progra
             log.warning("%s: damaged; building again", path)
             return None
         return built(_cl._Program(device.context, [device.cl_device], [binary]), options)
-    except (OSError, cl.Error) as error:
+    except (OSError, cl.Error, KernelBuildError) as error:
         log.warning("%s: not usable (%s); building again", path, error)
         return None
 

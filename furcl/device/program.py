@@ -77,7 +77,7 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
             raw = _cl._Program(device.context, text)
             program = kernel_cache.built(raw, OPTIONS)
             kernel_cache.store(program, path)
-    except cl.Error as error:
+    except (cl.Error, KernelBuildError) as error:
         raise KernelBuildError(
             f"{name} does not compile on {device.name} ({device.platform}) with "
             f"{features.describe()}; FURCL_DUMP=DIR writes the text. The compiler says:\n{error}"
