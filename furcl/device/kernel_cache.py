@@ -47,9 +47,14 @@ def built(raw: _cl._Program, options: Sequence[str]) -> cl.Program:
 
     Raises
     ------
-    cl.Error    if it does not compile
+    cl.Error    if it does not compile; ends with what the compiler says
     """
-    raw._build(" ".join(options).encode(), None)
+    try:
+        raw._build(" ".join(options).encode(), None)
+    except cl.Error as error:
+        said = "\n".join(log for _, log in raw._get_build_logs())
+        record = _cl._ErrorRecord(msg=said.strip(), code=error.code, routine=error.routine)
+        raise type(error)(record) from None
     return cl.Program(raw)
 
 
