@@ -46,6 +46,10 @@ scene file. `furcl render SCENE --set fibre.kappa=0.5 --set environment.kind=sky
 or adds what is not there; files named so are sought where you are. In Python it is
 `furcl.load_scene(path, overrides=["fibre.kappa=0.5"])`.
 
+Where a key says of which kind its table is (`fibre.model`, `environment.kind`, `curves.generator`),
+changing the kind takes the table's other keys away, since they belong to the former kind; those
+that the same command gives, before it or after it, are kept. Text needs no quotes there.
+
 Lengths are in the scene's unit of length, "unit" below; z is up. Angles are degrees (suffix
 `_deg`), absorption and scattering of fibres per fibre radius, radiance and colours linear with
 Rec.709 primaries. A dash is nothing, or what the last column says.

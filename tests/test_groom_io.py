@@ -16,8 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furcl.errors import GroomError
+from furcl.groom import formats
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves, save_curves
+from furcl.scene.read import decode_scene
 
 
 @pytest.mark.parametrize(
@@ -70,6 +72,48 @@ def test_unknown_suffix(tmp_path):
         load_curves(tmp_path / "groom.abc")
     with pytest.raises(GroomError, match="'' is no groom format"):
         save_curves(curves, tmp_path / "groom")
+
+
+def read_xyz(path, default_radius):
+    """One strand, a point a line."""
+    points = np.loadtxt(path)
+    return Curves.from_arrays(points[None], default_radius or 0.5, source=str(path))
+
+
+def write_xyz(curves, file, path):
+    np.savetxt(file, curves.points)
+
+
+@pytest.fixture
+def xyz():
+    """A format from outside, for the length of a test."""
+    formats.register(".xyz", read_xyz, write_xyz)
+    yield
+    formats.unregister(".xyz")
+
+
+def test_a_format_from_outside(xyz, tmp_path):
+    curves = Curves.from_arrays([[[0, 0, 0], [0, 1, 0], [0, 2, 1]]], 0.5)
+    save_curves(curves, tmp_path / "a.xyz")
+    assert_same(load_curves(tmp_path / "a.xyz"), curves)
+    scene = {
+        "fibre": {"preset": "raccoon"},
+        "environment": {"kind": "constant"},
+        "curves": {"file": str(tmp_path / "a.xyz"), "default_radius": 0.25},
+    }
+    assert (decode_scene(scene).build_curves().radii == 0.25).all()
+    formats.register(".xyz", read_xyz)
+    with pytest.raises(GroomError, match=r"'\.xyz' is no groom format that furcl writes"):
+        save_curves(curves, tmp_path / "a.xyz")
+
+
+@pytest.mark.parametrize("suffix", [".hair", ".npz", "xyz", ".XYZ", ".a.b", "", "."])
+def test_bad_suffixes_of_formats(suffix):
+    with pytest.raises(GroomError, match="Choose another"):
+        formats.register(suffix, read_xyz)
+    with pytest.raises(GroomError, match="was not registered"):
+        formats.unregister(suffix)
+    assert list(formats.READERS) == [".hair", ".npz"]
 
 
 def test_unwritable_folder(tmp_path):

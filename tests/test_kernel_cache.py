@@ -11,6 +11,7 @@ from furcl.device.features import Features
 from furcl.device.launch import path_defines, ray_defines
 from furcl.device.memory import Memory
 from furcl.device.source import kernel_text
+from furcl.errors import KernelBuildError
 
 TEXT = "__kernel void constant_value(__global float* out) { out[0] = VALUE; }\n"
 OPTIONS = program.OPTIONS
@@ -48,6 +49,11 @@ def test_second_process_reads_what_the_first_stored(cached_device, tmp_path):
     assert entry.stat().st_mtime_ns == before, "the entry was written again"
     assert _value(cached_device, _build(cached_device, "2.5f")) == 2.5
     assert len(list((tmp_path / "kernels").iterdir())) == 2
+
+
+def test_the_compilers_words_are_kept(cached_device):
+    with pytest.raises(KernelBuildError, match="no_such_value"):
+        _build(cached_device, "no_such_value")
 
 
 @pytest.mark.parametrize("damage", [b"", b"no kernel", None])

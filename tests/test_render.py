@@ -24,6 +24,13 @@ def _bits(image):
     return image.rgb.tobytes(), image.variance.tobytes()
 
 
+def test_scenes_that_come_with_furcl_are_rendered_by_name(device):
+    named = furcl.render("single_fibre", spp=1, device=device)
+    given = furcl.render(furcl.load_scene("single_fibre", spp=1), device=device)
+    assert _bits(named) == _bits(given)
+    assert named.stats["scene"] == "single_fibre"
+
+
 @pytest.mark.parametrize("light_sampling", ["bcsdf", "mis"])
 def test_wave_size_changes_no_bit(device, light_sampling):
     scene = fur_patch(light_sampling=light_sampling)

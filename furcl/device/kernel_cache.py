@@ -54,7 +54,7 @@ def built(raw: _cl._Program, options: Sequence[str]) -> cl.Program:
         raw._build(" ".join(options).encode(), None)
     except cl.Error as error:
         said = "\n".join(text for _, text in raw._get_build_logs() if text)
-        raise KernelBuildError(said or str(error)) from error
+        raise KernelBuildError(f"{error}\n{said}".strip()) from error
     return cl.Program(raw)
 
 

@@ -29,6 +29,10 @@ _EXPLANATIONS = (
         "unknown target CPU",
         "its compiler (LLVM) is older than this CPU; a newer OpenCL runtime is needed",
     ),
+    (
+        "changes the ABI",  # of a vector: the CPU's name did not tell the compiler what it can
+        "its compiler (LLVM) does not know this CPU's vectors; a newer OpenCL runtime is needed",
+    ),
     ('Executable "ld" doesn\'t exist', "it needs the linker ld: install the package binutils"),
     ("OUT_OF_HOST_MEMORY", "it ran out of memory"),
     ("COMPILER_NOT_AVAILABLE", "it comes without a compiler"),

@@ -1,7 +1,10 @@
 """Reading and writing grooms: .hair and .npz."""
 
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -11,8 +14,46 @@ from furcl.groom.curves import Curves
 from furcl.groom.formats.npz import read_npz, write_npz
 from furcl.groom.formats.yuksel_hair import read_hair, write_hair
 
-READERS = {".hair": read_hair, ".npz": read_npz}
-WRITERS = {".hair": write_hair, ".npz": write_npz}
+Reader = Callable[[Path, float | None], Curves]
+Writer = Callable[[Curves, BinaryIO, Path], None]
+
+READERS: dict[str, Reader] = {".hair": read_hair, ".npz": read_npz}
+WRITERS: dict[str, Writer] = {".hair": write_hair, ".npz": write_npz}
+BUILT_IN = tuple(READERS)
+
+
+def register(suffix: str, read: Reader, write: Writer | None = None) -> None:
+    """Read, and write, grooms of a format of one's own by its suffix, which is replaced if there.
+
+    Parameters
+    ----------
+    suffix : str        with its dot, in lower case
+    read : callable     given the path and a radius [units of the file] for files that hold none, or
+                        None; returns Curves, raises GroomError
+    write : callable    given curves, an open binary file, and its path for messages; None: files of
+                        the format cannot be written
+
+    Raises
+    ------
+    GroomError          a suffix of furcl's own, or one that is none
+    """
+    if suffix in BUILT_IN or not re.fullmatch(r"\.[^./A-Z]+", suffix):
+        raise GroomError(
+            f"format {suffix!r}: the suffix must begin with its only dot, be in lower case and "
+            f"none of {', '.join(BUILT_IN)}. Choose another."
+        )
+    READERS[suffix] = read
+    WRITERS.pop(suffix, None)
+    if write:
+        WRITERS[suffix] = write
+
+
+def unregister(suffix: str) -> None:
+    """Forget a format of one's own; GroomError if there is none of that suffix."""
+    if suffix in BUILT_IN or suffix not in READERS:
+        raise GroomError(f"format {suffix!r} was not registered; nothing to remove.")
+    del READERS[suffix]
+    WRITERS.pop(suffix, None)
 
 
 def load_curves(
@@ -43,7 +84,7 @@ def load_curves(
             raise GroomError(
                 f"{path}: {name} = {value:g}; it must be positive and finite. Correct it."
             )
-    read = READERS[_suffix(path, READERS)]
+    read = READERS[_suffix(path, READERS, "reads")]
     try:
         curves = read(path, default_radius)
     except OSError as error:
@@ -75,7 +116,7 @@ def save_curves(curves: Curves, path: str | os.PathLike[str]) -> None:
                                  that cannot be written
     """
     path = Path(path)
-    write = WRITERS[_suffix(path, WRITERS)]
+    write = WRITERS[_suffix(path, WRITERS, "writes")]
     try:
         with atomic_path(path) as temporary, temporary.open("xb") as file:
             write(curves, file, path)
@@ -86,11 +127,11 @@ def save_curves(curves: Curves, path: str | os.PathLike[str]) -> None:
         ) from error
 
 
-def _suffix(path, known):
+def _suffix(path, known, does):
     suffix = path.suffix.lower()
     if suffix not in known:
         raise GroomError(
-            f"{path}: the suffix {suffix!r} is no groom format that furcl knows "
+            f"{path}: the suffix {suffix!r} is no groom format that furcl {does} "
             f"({', '.join(sorted(known))}). Convert the groom or rename the file."
         )
     return suffix
