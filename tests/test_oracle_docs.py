@@ -34,7 +34,7 @@ def _failures(text: str) -> tuple[int, list[str]]:
 def test_examples(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every output is as printed; with one digit changed it is not."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(import_module("furcl.render.probe"), "open_device", lambda _: device)
+    monkeypatch.setattr("furcl.rendering.probe.open_device", lambda _: device)
     text = PAGE.read_text()
     failed, report = _failures(text)
     assert failed == 0, "".join(report)
