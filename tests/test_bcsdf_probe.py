@@ -18,15 +18,26 @@ CASES = [
 N = 200_000
 
 
+@pytest.mark.parametrize("sampling", ["uniform-h", "full-cdf"])
+@pytest.mark.parametrize(("name", "theta_deg"), [("raccoon", 0.0), ("coloured", 33.0)])
+def test_direction_pdf(device, name: str, theta_deg: float, sampling: str) -> None:
+    """The density of wi given lobe and offset is one function, at samples of each lobe."""
+    probe = Probe(FIBRES[name], sampling=sampling, device=device)
+    for p, (wi, h) in enumerate(_samples(probe, theta_deg)):
+        found = probe.direction_pdf(wo_at(np.deg2rad(theta_deg)), wi, h, p)
+        expected = bcsdf.direction_pdf(
+            probe.fibre, wo_at(np.deg2rad(theta_deg)), wi, h, probe.material.profiles,
+            lobe=p, sampling=sampling,
+        )  # fmt: skip
+        assert _same(found / expected, p)
+
+
 @pytest.mark.parametrize(("name", "theta_deg"), [("raccoon", 0.0), ("coloured", 33.0)])
 def test_joint_density_with_h_uniform(device, name: str, theta_deg: float) -> None:
-    """No tables: the density of (lobe, h, wi) is the same function, at samples of each lobe."""
+    """Without tables the density of (lobe, h, wi) is one function as well."""
     probe = Probe(FIBRES[name], sampling="uniform-h", device=device)
-    found, expected, lobe = _joint(probe, theta_deg)
-    for p in range(5):
-        ratio = found[lobe == p] / expected[lobe == p]
-        # Profiles are constant in bins: a direction on an edge may fall into the next one.
-        assert np.mean(np.abs(ratio - 1) < 1e-3) > (0.995 if p in (3, 4) else 0.9999)
+    for p, ratio in enumerate(_joint_ratios(probe, theta_deg)):
+        assert _same(ratio, p)
 
 
 @pytest.mark.parametrize("sampling", ["attenuation-cdf", "full-cdf"])
@@ -35,9 +46,15 @@ def test_joint_density_with_bins(device, name: str, sampling: str) -> None:
     """At theta = 0, a row of the tables, they are the bins of the paper, some of them lifted: where
     samples fall hardly ever less, most within 5 %. Without the half of h it must not pass."""
     probe = Probe(FIBRES[name], sampling=sampling, device=device)
-    found, expected, _ = _joint(probe, 0.0)
-    assert _near(found / expected)
-    assert not _near(2 * found / expected)
+    ratio = np.concatenate(_joint_ratios(probe, 0.0))
+    assert _near(ratio)
+    assert not _near(2 * ratio)
+
+
+def _same(ratio: np.ndarray, lobe: int) -> bool:
+    """Within 1e-3; profiles are constant in bins, and a direction on an edge may fall into the next
+    one."""
+    return bool(np.mean(np.abs(ratio - 1) < 1e-3) > (0.995 if lobe in (3, 4) else 0.9999))
 
 
 def _near(ratio: np.ndarray) -> bool:
@@ -45,20 +62,24 @@ def _near(ratio: np.ndarray) -> bool:
     return bool(np.quantile(ratio, 0.002) > 0.985 and np.mean(np.abs(ratio - 1) < 0.05) > 0.99)
 
 
-def _joint(probe: Probe, theta_deg: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Densities of the device and in float64 at 20,000 samples, of their own lobes, and these."""
-    arguments = probe.fibre, wo_at(np.deg2rad(theta_deg))
-    profiles, sampling = probe.material.profiles, probe.sampler.name
-    drawn = bcsdf.sample(*arguments, 20_000, profiles, sampling=sampling, rng=1)
-    _, found = probe.evaluate_lobes(arguments[1], drawn.wi, drawn.h)
-    expected = np.zeros(len(drawn.h))
-    for p in range(5):
-        wi, h = drawn.wi[drawn.lobe == p], drawn.h[drawn.lobe == p]
-        expected[drawn.lobe == p] = bcsdf.pdf(
-            *arguments, wi, h, profiles, sampling=sampling, lobe=p
+def _samples(probe: Probe, theta_deg: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """wi and h of float64 samples of the probe's fibre, lobe by lobe, 20,000 together."""
+    drawn = bcsdf.sample(
+        probe.fibre, wo_at(np.deg2rad(theta_deg)), 20_000, probe.material.profiles,
+        sampling=probe.sampler.name, rng=1,
+    )  # fmt: skip
+    return [(drawn.wi[drawn.lobe == p], drawn.h[drawn.lobe == p]) for p in range(5)]
+
+
+def _joint_ratios(probe: Probe, theta_deg: float) -> list[np.ndarray]:
+    """The device's density of (lobe, h, wi) over the float64 one, at samples of each lobe."""
+    wo, ratios = wo_at(np.deg2rad(theta_deg)), []
+    for p, (wi, h) in enumerate(_samples(probe, theta_deg)):
+        expected = bcsdf.pdf(
+            probe.fibre, wo, wi, h, probe.material.profiles, sampling=probe.sampler.name, lobe=p
         )
-    own = np.take_along_axis(found, drawn.lobe[None], 0)[0]
-    return own.astype(np.float64), expected, drawn.lobe
+        ratios.append(probe.pdf(wo, wi, h, p) / expected)
+    return ratios
 
 
 def _moments(wi, h, lobe, weight) -> np.ndarray:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from furcl.device.choice import Device
+from furcl.fibre.double_cylinder.reference import UNSCATTERED
 from furcl.oracle.host_render import HostRenderer
 from furcl.paths import scene_folder
 from furcl.rendering.renderer import Renderer
@@ -79,7 +80,8 @@ def render_row(path: Path, device: Device, spp: int, paths: int, seed: int = 7) 
     renderer = Renderer(scene, device)
     renderer.advance(spp)
     image = renderer.image()
-    host = HostRenderer(scene, renderer.material.profiles)
+    # A render leaves out scattered lobes that carry next to nothing, and the profiles with them.
+    host = HostRenderer(scene, renderer.material.profiles or UNSCATTERED)
     rng = np.random.default_rng(seed)
     rows, gots, means, spreads, most_paths = [], [], [], [], 0
     assert image.variance is not None

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from furcl.fibre.double_cylinder import reference
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.profiles import MedullaProfiles
 from furcl.fibre.double_cylinder.reference.angles import (
     centre_and_width,
     longitudinal,
     wrapped_gaussian,
 )
+from furcl.fibre.double_cylinder.reference.profiles import MedullaData
 from furcl.groom.curves import Curves
 from furcl.scene.tables import Scene
 
@@ -39,10 +39,11 @@ class HostRenderer:
     Parameters
     ----------
     scene : Scene
-    profiles : MedullaProfiles or None      those that the device used
+    profiles : MedullaProfiles      those that the device used; bcsdf.UNSCATTERED leaves out what
+                                    the medulla scatters, None is for one that scatters nothing
     """
 
-    def __init__(self, scene: Scene, profiles: MedullaProfiles | None) -> None:
+    def __init__(self, scene: Scene, profiles: MedullaData) -> None:
         self.scene = scene
         self.profiles = profiles
         self.curves = scene.build_curves()

@@ -187,8 +187,8 @@ def _draw_direction(
     used: Profiles | None,
     rng: np.random.Generator,
 ) -> Pair:
-    """Directions of one lobe for each of theta, h (n,), in the model's angles; of TTs and TRTs
-    from the profiles, without any uniform on the sphere."""
+    """Directions of one lobe for each of theta, h (n,), in the model's angles; those of TTs and
+    TRTs from the profiles in use, uniform on the sphere if there are none."""
     geo, n = geometry(fibre, h, theta), len(h)
     if name in SCATTERED and used is None:
         phi, s = rng.uniform(-np.pi, np.pi, n), rng.uniform(-1.0, 1.0, n)
@@ -216,7 +216,7 @@ def _draw_inclination(mu: Array, beta: Array, rng: np.random.Generator) -> Array
     """
     v = beta * beta
     below_one = -v * np.log1p(rng.random(mu.shape) * np.expm1(-2.0 / v))
-    across = np.sqrt(below_one * (2.0 - below_one))
+    across = np.sqrt(np.maximum(below_one * (2.0 - below_one), 0.0))
     turn = rng.uniform(-np.pi, np.pi, mu.shape)
     towards = (1.0 - below_one) * np.cos(mu) - across * np.cos(turn) * np.sin(mu)
     along = (1.0 - below_one) * np.sin(mu) + across * np.cos(turn) * np.cos(mu)
