@@ -47,10 +47,19 @@ def built(raw: _cl._Program, options: Sequence[str]) -> cl.Program:
 
     Raises
     ------
-    cl.Error    if it does not compile
+    cl.Error    if it does not compile, with what the compiler says
     """
-    raw._build(" ".join(options).encode(), None)
+    try:
+        raw._build(" ".join(options).encode(), None)
+    except cl.Error as error:
+        raise cl.RuntimeError(f"{error}\n{_build_log(raw)}") from error
     return cl.Program(raw)
+
+
+def _build_log(raw: _cl._Program) -> str:
+    devices = cast("list[cl.Device]", raw.get_info(cl.program_info.DEVICES))
+    logs = [str(raw.get_build_info(device, cl.program_build_info.LOG)) for device in devices]
+    return "\n".join(log.strip() for log in logs)
 
 
 def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Program | None:
