@@ -109,8 +109,8 @@ FIBRES = {
 @pytest.mark.parametrize("name", FIBRES)
 @pytest.mark.parametrize("theta_deg", THETAS_DEG)
 def test_single_fibre_shows_its_albedo(device, seed, theta_deg, name, sampling):
-    """In white light a fibre's radiance is its directional albedo, by float64 quadrature; a value
-    2 % off must be seen."""
+    """In white light a fibre's radiance is its directional albedo, by float64 quadrature, within
+    three standard errors; a value 5 % off must be seen."""
     scene = single_fibre(theta_deg, FIBRES[name], sampling=sampling, seed=seed)
     renderer = Renderer(scene, device)
     renderer.advance(scene.render.spp)
@@ -121,10 +121,9 @@ def test_single_fibre_shows_its_albedo(device, seed, theta_deg, name, sampling):
         image.width * image.height
     )
     expected = bcsdf.albedo(scene.build_fibre(), np.deg2rad(theta_deg), renderer.material.profiles)
-    # Three standard errors; full-cdf leaves so little noise that float32 counts.
+    # full-cdf leaves so little noise that float32 counts; uniform-h up to 0.6 % of the value.
     assert np.all(np.abs(mean - expected) < 3 * error + 3e-5)
-    if np.all(3 * error < 0.01 * expected):
-        assert np.all(np.abs(mean - 1.02 * expected) > 3 * error + 3e-5)
+    assert np.all(np.abs(mean - 1.05 * expected) > 3 * error + 3e-5)
 
 
 @pytest.mark.statistical
@@ -158,6 +157,8 @@ def test_roulette_changes_no_mean(device, seed):
     early = furcl.render(fur_patch(spp=256, roulette_depth=0, seed=seed + 1), device=device)
     assert early.stats["rays"] < plain.stats["rays"]
     assert _mean_p(plain, early) > 0.01
+    wrong = furcl.Image(early.rgb * np.float32(1.01), early.variance)
+    assert _mean_p(plain, wrong) < 0.01, "1 % too bright"
     assert not plain.stats["features"]["compiled"]["roulette"]
     assert early.stats["features"]["compiled"]["roulette"]
 
