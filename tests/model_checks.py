@@ -98,7 +98,7 @@ def check_weights_are_value_over_density(
 
 def check_mean_weight(probe: Probe, theta: float, albedo: np.ndarray) -> None:
     """Within 4 standard errors of the directional albedo (3,), which 2 % more is not."""
-    _, _, _, weight, _ = probe.sample(wo_at(theta), n=100_000, seed=9)
+    weight = probe.sample(wo_at(theta), n=100_000, seed=9)[3].astype(np.float64)
     error = 4 * weight.std(axis=0) / np.sqrt(len(weight)) + 2e-5
     assert np.all(np.abs(weight.mean(axis=0) - albedo) < error)
     assert np.all(np.abs(weight.mean(axis=0) - 1.02 * albedo) > error)
