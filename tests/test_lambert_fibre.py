@@ -242,7 +242,8 @@ def wrong(tmp_path):
         def model(self):
             return model
 
-    model = models.register(Wrong())
+    model = Wrong()
+    models.register(model)
     return model
 
 
