@@ -14,8 +14,8 @@ from offset_cells import N_CELLS, cell, integrals, wo_at
 
 from furcl.bench.convergence_statistics import ratio_interval, slope
 from furcl.device.choice import Device
-from furcl.render.probe import Probe
-from furcl.render.renderer import Renderer
+from furcl.rendering.probe import Probe
+from furcl.rendering.renderer import Renderer
 from furcl.scene.tables import Scene
 
 SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")

@@ -35,7 +35,7 @@ from furcl.errors import FibreError, SceneError
 from furcl.fibre import model as models
 from furcl.fibre import samplers
 from furcl.paths import kernel_folder
-from furcl.render.probe import Probe
+from furcl.rendering.probe import Probe
 from furcl.scene.read import with_overrides
 
 COLOURED = LambertFibre((0.9, 0.5, 0.2), 0.6)
