@@ -3,13 +3,13 @@
 from furcl.scene.read import decode_scene
 
 
-def fur_patch(**render):
+def fur_patch(fibre=None, **render):
     """A patch of fur in a sky, 24 x 16 pixels."""
     return decode_scene(
         {
             "film": {"width": 24, "height": 16},
             "camera": {"azimuth_deg": -60.0, "elevation_deg": 40.0},
-            "fibre": {"preset": "red-fox"},
+            "fibre": fibre or {"preset": "red-fox"},
             "environment": {"kind": "sky", "sun_radius_deg": 5.0},
             "curves": {
                 "generator": "fur", "surface": "patch", "patch_size": [1.0, 1.0],
@@ -18,6 +18,23 @@ def fur_patch(**render):
             "render": {"spp": 8, **render},
         },
         "fur patch",
+    )  # fmt: skip
+
+
+def even_patch(fibre=None):
+    """A patch of fur in even light, quick to compile and to render: without a medulla."""
+    return decode_scene(
+        {
+            "name": "patch",
+            "camera": {"origin": [0.0, -0.7, 0.7], "target": [0.0, 0.0, 0.15], "vfov_deg": 25},
+            "film": {"width": 24, "height": 24},
+            "fibre": fibre or {"preset": "human-black", "kappa": 0.0, "sigma_ca": 0.5},
+            "environment": {"kind": "constant"},
+            "curves": {
+                "generator": "fur", "surface": "patch", "patch_size": [1.0, 1.0],
+                "n_strands": 500, "length": 0.3, "radius": 0.01,
+            },
+        }
     )  # fmt: skip
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from model_checks import check_error_falls_as_monte_carlo_does
+from scene_documents import even_patch
 
 from furcl.bench import convergence
 from furcl.bench.convergence_plan import Plan, quick_scene
@@ -34,23 +36,6 @@ SPP = (4, 8, 16, 32)
 RUNS = 8
 # Of each interval that a test looks into.
 CONFIDENCE = 0.999
-
-
-def scene() -> Scene:
-    """A patch of fur without medulla in even light: quick to compile and to render."""
-    return decode_scene(
-        {
-            "name": "patch",
-            "camera": {"origin": [0.0, -0.7, 0.7], "target": [0.0, 0.0, 0.15], "vfov_deg": 25},
-            "film": {"width": 24, "height": 24},
-            "fibre": {"preset": "human-black", "kappa": 0.0, "sigma_ca": 0.5},
-            "environment": {"kind": "constant"},
-            "curves": {
-                "generator": "fur", "surface": "patch", "patch_size": [1.0, 1.0],
-                "n_strands": 500, "length": 0.3, "radius": 0.01,
-            },
-        }
-    )  # fmt: skip
 
 
 # Statistics -------------------------------------------------------------------------------------
@@ -124,7 +109,7 @@ def test_a_slower_sampler_is_compared_with_more_samples_of_the_other():
 
 
 def test_samplers_take_turns():
-    plan = Plan((scene(),), sampling=("uniform-h", "full-cdf"), spp=(4, 8), runs=2)
+    plan = Plan((even_patch(),), sampling=("uniform-h", "full-cdf"), spp=(4, 8), runs=2)
     order = list(plan.renders())
     assert [name for _, _, name in order] == ["uniform-h", "full-cdf"] * 4
     assert [run for run, _, _ in order] == [0] * 4 + [1] * 4
@@ -137,7 +122,7 @@ def test_samplers_take_turns():
     ("changes", "message"),
     [
         ({"scenes": ()}, "one or more scenes"),
-        ({"scenes": (scene(), scene())}, "different names"),
+        ({"scenes": (even_patch(), even_patch())}, "different names"),
         ({"spp": (8,)}, "two or more ascending"),
         ({"spp": (8, 4)}, "two or more ascending"),
         ({"runs": 1}, "runs = 1: at least 2"),
@@ -147,12 +132,12 @@ def test_samplers_take_turns():
 )
 def test_plans_that_show_nothing_are_refused(changes, message):
     with pytest.raises(BenchError, match=message):
-        Plan(**{"scenes": (scene(),), **changes})
+        Plan(**{"scenes": (even_patch(),), **changes})
 
 
 def test_unknown_sampler_is_refused():
     with pytest.raises(SamplerError, match="did you mean 'uniform-h'"):
-        Plan((scene(),), sampling=("uniform-x",))
+        Plan((even_patch(),), sampling=("uniform-x",))
 
 
 @pytest.mark.parametrize("name", ["black_hair", "white_hair", "raccoon"])
@@ -180,7 +165,7 @@ class StopAt:
 
 
 def plan() -> Plan:
-    return Plan((scene(),), sampling=("uniform-h", "attenuation-cdf"), spp=SPP, runs=RUNS)
+    return Plan((even_patch(),), sampling=("uniform-h", "attenuation-cdf"), spp=SPP, runs=RUNS)
 
 
 @pytest.fixture(scope="module")
@@ -207,28 +192,11 @@ def stopped_and_continued(
     )
 
 
-def estimates(results: dict[str, Any], sampling: str) -> tuple[np.ndarray, np.ndarray]:
-    """RMSE and MSE over variance, (runs, spp)."""
-    rows = {(r["run"], r["spp"]): r for r in results["renders"] if r["sampling"] == sampling}
-    both = [
-        [(rows[run, n]["rmse"], rows[run, n]["mse"] / rows[run, n]["variance"]) for n in SPP]
-        for run in range(RUNS)
-    ]
-    table = np.array(both)
-    return table[..., 0], table[..., 1]
-
-
 @pytest.mark.slow
 @pytest.mark.statistical
 @pytest.mark.parametrize("sampling", ["uniform-h", "attenuation-cdf"])
 def test_error_falls_as_monte_carlo_does(stopped_and_continued, sampling):
-    """Slope -1/2, and the error is that which the variance image says: no bias."""
-    rmse, over_variance = estimates(stopped_and_continued[2], sampling)
-    found = slope(SPP, rmse, CONFIDENCE)
-    assert found.contains(-0.5), found
-    assert found.high - found.low < 0.25
-    for column in over_variance.T:
-        assert ratio_interval(column, CONFIDENCE).contains(1.0), column
+    check_error_falls_as_monte_carlo_does(stopped_and_continued[2], sampling)
 
 
 @pytest.mark.slow
@@ -280,7 +248,7 @@ def test_page_needs_no_other_file(stopped_and_continued):
 
 @pytest.mark.slow
 def test_renders_of_another_scene_are_not_mixed_in(device, stopped_and_continued):
-    other = decode_scene({**_document(scene()), "film": {"width": 20, "height": 24}})
+    other = decode_scene({**_document(even_patch()), "film": {"width": 20, "height": 24}})
     changed = Plan((other,), sampling=("uniform-h", "attenuation-cdf"), spp=SPP)
     with pytest.raises(BenchError, match="holds renders of patch by"):
         convergence.run(changed, stopped_and_continued[0], device=device)
@@ -301,7 +269,7 @@ def test_a_biased_sampler_is_seen(device, cache, tmp_path):
     wrong.write_text(text.replace("r.joint = joint[p];", "r.joint = 1.1f * joint[p];"))
     samplers.register("wrong", wrong, needs_tables=False)
     try:
-        chosen = Plan((scene(),), sampling=("uniform-h", "wrong"), spp=SPP, runs=RUNS)
+        chosen = Plan((even_patch(),), sampling=("uniform-h", "wrong"), spp=SPP, runs=RUNS)
         results = convergence.run(chosen, tmp_path / "out", device=device)
     finally:
         samplers.unregister("wrong")

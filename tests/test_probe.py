@@ -3,23 +3,17 @@
 import numpy as np
 import pytest
 from fibres import FIBRES
+from model_checks import (
+    SAMPLERS,
+    check_mean_weight,
+    check_weights_are_value_over_density,
+    directions,
+)
 
 from furcl import bcsdf
 from furcl.rendering.probe import Probe
 
 N = 20_000
-
-
-def _directions(rng, n):
-    """Unit vectors in the fibre's frame; half of them near the poles or the normal plane."""
-    s = np.concatenate([rng.uniform(-1, 1, n // 2), np.sin(rng.uniform(-1, 1, n - n // 2) * 1.57)])
-    phi = rng.uniform(-np.pi, np.pi, n)
-    c = np.sqrt((1 - s) * (1 + s))
-    return np.stack([s, c * np.cos(phi), c * np.sin(phi)], 1).astype(np.float32).astype(np.float64)
-
-
-def _normalised(w):
-    return w / np.linalg.norm(w, axis=1, keepdims=True)
 
 
 @pytest.mark.parametrize("name", FIBRES)
@@ -46,7 +40,7 @@ def test_attenuation(device, rng, name):
 def test_evaluate(device, rng, name):
     fibre = FIBRES[name]
     probe = Probe(fibre, device=device)
-    wo, wi = _normalised(_directions(rng, N)), _normalised(_directions(rng, N))
+    wo, wi = directions(rng, N), directions(rng, N)
     h = rng.uniform(-1, 1, N).astype(np.float32).astype(np.float64)
     for lobe in range(5):
         got = probe.evaluate(wo, wi, h, lobe=lobe)
@@ -61,31 +55,11 @@ def test_evaluate(device, rng, name):
             assert wrong.mean() < 1e-3, probe.lobes[lobe]
 
 
-@pytest.mark.parametrize("sampling", ["uniform-h", "attenuation-cdf", "full-cdf"])
+@pytest.mark.parametrize("sampling", SAMPLERS)
 @pytest.mark.parametrize("name", FIBRES)
 def test_weight_is_value_over_pdf(device, rng, seed, name, sampling):
-    """0.5 evaluate / pdf of what sample returns is the weight that it returns."""
     probe = Probe(FIBRES[name], sampling=sampling, device=device, residual=True)
-    wo = _normalised(_directions(rng, N))
-    wi, h, lobe, weight, pdf = probe.sample(wo, seed=seed % 2**32)
-    assert np.all(np.isfinite(weight))
-    assert np.all(weight >= 0)
-    assert np.all(pdf > 0)
-    np.testing.assert_allclose(np.linalg.norm(wi, axis=1), 1, atol=1e-6)
-    for p in range(6):
-        chosen = lobe == p
-        if not chosen.any():
-            continue
-        value = 0.5 * probe.evaluate(wo[chosen], wi[chosen], h[chosen], lobe=p)
-        density = probe.pdf(wo[chosen], wi[chosen], h[chosen], lobe=p)
-        if p in (3, 4):
-            # The direction found again from wi may lie in the next bin of the profile.
-            same = np.abs(density / pdf[chosen] - 1) < 1e-4
-            assert same.mean() > 0.995
-        else:
-            same = np.full(len(density), True)
-        ratio = value[same] / density[same, None]
-        np.testing.assert_allclose(ratio, weight[chosen][same], rtol=1e-4, atol=1e-7)
+    check_weights_are_value_over_density(probe, directions(rng, N), seed, bcsdf.SCATTERED)
 
 
 @pytest.mark.parametrize("name", FIBRES)
@@ -101,18 +75,14 @@ def test_full_cdf_weights_are_flat(device, rng, name):
     assert scalar.max() < 3.0 * scalar.mean() * colours
 
 
-def test_mean_weight_is_the_albedo(device, rng):
-    """Within 4 standard errors, for every sampler; the reference by quadrature."""
-    fibre = FIBRES["coloured"]
-    theta = np.deg2rad([0.0, 50.0, 80.0])
-    for t in theta:
-        for sampling in ("uniform-h", "attenuation-cdf", "full-cdf"):
-            probe = Probe(fibre, sampling=sampling, device=device)
-            wo = np.array([np.sin(t), np.cos(t), 0])
-            _, _, _, weight, _ = probe.sample(wo, n=100_000, seed=9)
-            expected = bcsdf.albedo(fibre, t, probe.material.profiles)
-            error = weight.std(axis=0) / np.sqrt(len(weight))
-            assert np.all(np.abs(weight.mean(axis=0) - expected) < 4 * error + 2e-5)
+@pytest.mark.statistical
+@pytest.mark.parametrize("sampling", SAMPLERS)
+@pytest.mark.parametrize("theta_deg", [0.0, 50.0, 80.0])
+def test_mean_weight_is_the_albedo(device, theta_deg, sampling):
+    """The reference by quadrature."""
+    fibre, theta = FIBRES["coloured"], np.deg2rad(theta_deg)
+    probe = Probe(fibre, sampling=sampling, device=device)
+    check_mean_weight(probe, theta, bcsdf.albedo(fibre, theta, probe.material.profiles))
 
 
 def test_grey_build_equals_the_coloured_one(device, rng):

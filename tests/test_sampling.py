@@ -8,48 +8,26 @@ import numpy as np
 import pytest
 from direction_statistics import chi_square_p, sidak
 from fibres import FIBRES
-from offset_cells import N_CELLS, cell, integrals, resolved, wo_at
+from model_checks import SAMPLERS, check_samples_follow_their_density
+from offset_cells import resolved, wo_at
 
 from furcl import bcsdf
 from furcl.fibre.double_cylinder.reference.angles import centre_and_width
 from furcl.rendering.probe import Probe
 
-SAMPLERS = ("uniform-h", "attenuation-cdf", "full-cdf")
 CASES = [
     (fibre, theta_deg, sampling)
     for sampling in SAMPLERS
     for fibre, theta_deg in [("raccoon", 20.0), ("coloured", -65.0), ("all medulla", 40.0)]
 ]
 LEVEL = sidak(5 * len(CASES))
-N = 400_000
 
 
 @pytest.mark.statistical
 @pytest.mark.parametrize(("name", "theta_deg", "sampling"), CASES)
 def test_chi_square(device, seed, name, theta_deg, sampling):
-    theta = np.deg2rad(theta_deg)
     probe = Probe(FIBRES[name], sampling=sampling, device=device)
-    wi, h, lobe, _, _ = probe.sample(wo_at(theta), n=N, seed=seed % 2**32)
-    cells = cell(h, np.arctan2(wi[:, 2], wi[:, 1]), wi[:, 0])
-    expected = N * integrals(lambda w, offset: probe.evaluate_lobes(wo_at(theta), w, offset)[1])
-    # Cells that are not resolved count with what is outside the lobe.
-    for p in range(5):
-        inside = resolved(p)
-        counts = np.bincount(cells[lobe == p], minlength=N_CELLS)[inside]
-        observed = np.append(counts, N - counts.sum())
-        predicted = expected[p][inside]
-        if predicted.sum() < 100:  # such a lobe says nothing but how often it is chosen
-            assert abs(counts.sum() - predicted.sum()) < 10 + 5 * np.sqrt(predicted.sum())
-            continue
-        mutant = 1.02 * predicted
-        assert _p(observed, predicted) > LEVEL, probe.lobes[p]
-        if predicted.sum() > 0.2 * N:
-            assert _p(observed, mutant) < LEVEL, f"a density 2 % too high: {probe.lobes[p]}"
-
-
-def _p(observed, predicted):
-    """p-value of the counts in cells, and of all the rest of the N samples."""
-    return chi_square_p(observed, np.append(predicted, N - predicted.sum()))
+    check_samples_follow_their_density(probe, np.deg2rad(theta_deg), seed, LEVEL, resolved)
 
 
 NARROW = [(1.1e-3, 1.1e-3), (0.02, 0.3), (0.5, 0.05), (1.5, 2.4)]
