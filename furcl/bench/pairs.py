@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -34,18 +34,24 @@ class Seconds:
     cpu: NDArray[np.float64]
 
 
+def alternating(names: Iterable[K], rounds: int) -> Iterator[K]:
+    """All names in every round; every second round goes through them backwards."""
+    order = list(names)
+    for i in range(rounds):
+        yield from order[:: 1 if i % 2 == 0 else -1]
+
+
 def in_turns(actions: Mapping[K, Callable[[], object]], rounds: int) -> dict[K, Seconds]:
-    """Time actions in rounds; every second one goes through them backwards.
+    """Time actions that take turns.
 
     Ratios of processor seconds are the steadier ones on a machine that others use; for what runs on
     a GPU they say nothing.
     """
     seconds: dict[K, list[tuple[float, float]]] = {name: [] for name in actions}
-    for i in range(rounds):
-        for name in list(actions)[:: 1 if i % 2 == 0 else -1]:
-            wall, cpu = time.perf_counter(), time.process_time()
-            actions[name]()
-            seconds[name].append((time.perf_counter() - wall, time.process_time() - cpu))
+    for name in alternating(actions, rounds):
+        wall, cpu = time.perf_counter(), time.process_time()
+        actions[name]()
+        seconds[name].append((time.perf_counter() - wall, time.process_time() - cpu))
     return {name: Seconds(*np.array(times).T) for name, times in seconds.items()}
 
 
