@@ -19,6 +19,7 @@ from furcl.groom.formats import save_curves
 from furcl.scene import camera as camera_module
 from furcl.scene.camera import Camera
 from furcl.scene.read import decode_scene, find_scene, load_scene
+from furcl.surface.ellipsoid import Body
 from furcl.scene.tables import Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -92,7 +93,7 @@ def test_bodies_are_just_inside_the_skin(name):
     """No root is inside the body, and none is farther from it than a hundredth of its size;
     mutants: a body two hundredths larger, or smaller."""
     scene = load_scene(SCENES / f"{name}.toml", overrides=["curves.n_strands=2000"])
-    assert scene.body is not None
+    assert isinstance(scene.body, Body)
     curves = scene.build_curves()
     roots = curves.points[curves.offsets[:-1]].astype(np.float64)
     level = np.linalg.norm((roots - scene.body.centre) / scene.body.radii, axis=1)

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from furcl.cdf import inclusive_cdf
+
 # A bin in which the quadrature sees nothing still gets this share of its lobe's mean, so that q is
 # positive wherever the lobe can be.
 FLOOR = 1e-3 / 200
@@ -118,9 +120,9 @@ def tables_from_bins(bins: np.ndarray, peaks: np.ndarray | None = None) -> Atten
     total = energy.sum(axis=1, keepdims=True)
     alive = total > 0.0
     probability = np.divide(energy, total, out=np.zeros_like(energy), where=alive)
-    lobe_cdf = _inclusive_cdf(probability)
+    lobe_cdf = inclusive_cdf(probability)
     sums = means.sum(axis=2, keepdims=True)
-    bin_cdf = _inclusive_cdf(
+    bin_cdf = inclusive_cdf(
         np.divide(means, sums, out=np.full_like(means, 1 / n_bins), where=sums > 0)
     )
     joint = np.divide(means, total[..., None], out=np.zeros_like(means), where=alive[..., None])
@@ -131,11 +133,3 @@ def tables_from_bins(bins: np.ndarray, peaks: np.ndarray | None = None) -> Atten
         lobe_probability=probability,
         energy=total[:, 0],
     )
-
-
-def _inclusive_cdf(probability: np.ndarray) -> np.ndarray:
-    """Running sums along the last axis in float32; from the last positive entry on exactly 1."""
-    cdf = np.cumsum(probability, axis=-1).astype(np.float32)
-    last = probability.shape[-1] - 1 - np.argmax(probability[..., ::-1] > 0.0, axis=-1)
-    cdf[np.arange(probability.shape[-1]) >= last[..., None]] = 1.0
-    return cdf

@@ -27,7 +27,7 @@ from furcl.rendering.specialise import everything_on, scene_features
 from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
 from furcl.scene.tables import Scene
-from furcl.surface.ellipsoid import NOWHERE
+from furcl.surface.kinds import ABSENT
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def _wavefront(
         memory,
         features,
         material.with_features(features),
-        None if features.surface is None else (scene.body or NOWHERE).params(),
+        None if features.surface is None else (scene.body or ABSENT).params(),
         buffer,
         camera_struct(scene, curves),
         film,

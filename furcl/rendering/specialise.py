@@ -11,7 +11,7 @@ from furcl.fibre.model import model_of
 from furcl.light.model import Light
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
-from furcl.surface.ellipsoid import PART as ELLIPSOID
+from furcl.surface.kinds import ABSENT
 
 
 def scene_features(scene: Scene, fibre: Any, light: Light) -> Features:
@@ -59,7 +59,7 @@ def everything_on(features: Features) -> Features:
         channels=3,
         light_sampling=True,
         point_radii=True,
-        surface=features.surface or ELLIPSOID,
+        surface=features.surface or ABSENT.part,
         lens=True,
         roulette=True,
         variance=True,

@@ -114,6 +114,8 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
         if field.name in document:
             value = document[field.name]
             kinds = KINDS.get(field.name)
+            if value is None and field.default is None:
+                continue
             try:
                 values[field.name] = msgspec.convert(
                     value, kinds.type_of(value) if kinds else field.type

@@ -24,7 +24,8 @@ from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
 from furcl.light.model import Light
 from furcl.scene.camera import Camera
-from furcl.surface.ellipsoid import Body
+from furcl.surface import kinds as surfaces
+from furcl.surface.model import Surface
 from furcl.table import Table
 
 FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
@@ -128,6 +129,7 @@ KINDS = {
     "fibre": Kinds("model", models.tables, "double-cylinder"),
     "environment": Kinds("kind", lights.tables),
     "curves": Kinds("generator", groom_kinds.tables, "file"),
+    "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
 
 
@@ -146,11 +148,12 @@ class Scene(Table, frozen=True, kw_only=True):
     fibre: ModelTable
     environment: Table
     curves: CurvesTable
-    body: Body | None = None
+    body: Surface | None = None
     render: Render = Render()
 
     def __repr__(self) -> str:
-        kinds = (getattr(self, name).__struct_config__.tag for name in KINDS)
+        tables = [table for name in KINDS if (table := getattr(self, name)) is not None]
+        kinds = (table.__struct_config__.tag for table in tables)
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def build_fibre(self) -> Any:

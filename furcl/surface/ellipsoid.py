@@ -20,7 +20,7 @@ PART = SurfacePart(
 )
 
 
-class Body(Surface, frozen=True, kw_only=True):
+class Body(Surface, frozen=True, kw_only=True, tag_field="kind", tag="ellipsoid"):
     """Diffuse ellipsoid inside the groom that stops light.
 
     Attributes
@@ -58,5 +58,5 @@ class Body(Surface, frozen=True, kw_only=True):
         return np.array(self.centre) + unit * np.array(self.radii)
 
 
-#: A surface that no ray meets, for kernels with code for one and a scene without.
+#: An ellipsoid that no ray meets.
 NOWHERE = Body(centre=(1e9, 1e9, 1e9))

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from furcl.cdf import inclusive_cdf
 from furcl.device.choice import Device
 from furcl.device.source import kernel_text
 from furcl.fibre.double_cylinder.layout import (
@@ -234,13 +235,13 @@ def _profiles(arrays: dict[str, np.ndarray]) -> MedullaProfiles:
     return MedullaProfiles(
         AzimuthProfiles(
             (share * (PROFILE_PHIS / (2.0 * np.pi))).astype(np.float32),
-            _inclusive_cdf(share),
+            inclusive_cdf(share),
             absorption,
             arrays["azimuth_error"],
         ),
         LongitudinalProfiles(
             (s_share * (PROFILE_SINES / 2.0)).astype(np.float32),
-            _inclusive_cdf(s_share),
+            inclusive_cdf(s_share),
             arrays["longitudinal_error"],
         ),
         escape,
@@ -248,12 +249,6 @@ def _profiles(arrays: dict[str, np.ndarray]) -> MedullaProfiles:
         int(photons),
         float(given_up),
     )
-
-
-def _inclusive_cdf(share: np.ndarray) -> np.ndarray:
-    cdf = np.minimum(np.cumsum(share, axis=-1), 1.0).astype(np.float32)
-    cdf[..., -1] = 1.0
-    return cdf
 
 
 def cache_path(content: dict[str, Any]) -> Path:
