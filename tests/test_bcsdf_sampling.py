@@ -129,6 +129,7 @@ def test_mean_weight_is_the_albedo(sampling: str, name: str, theta_deg: float, s
     drawn = bcsdf.sample(
         fibre, wo_at(theta), N, profiles, sampling=sampling, rng=seed, residual=True
     )
+    assert abs(np.sign(drawn.h).mean()) < 4 / np.sqrt(N)  # both sides alike
     lobes = bcsdf.lobe_albedos(fibre, theta, profiles, residual=True)
     expected = np.sum(list(lobes.values()), axis=0)
     assert _mean_is(drawn.weight, expected)
