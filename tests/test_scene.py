@@ -19,8 +19,8 @@ from furcl.groom.formats import save_curves
 from furcl.scene import camera as camera_module
 from furcl.scene.camera import Camera
 from furcl.scene.read import decode_scene, find_scene, load_scene
-from furcl.surface.ellipsoid import Body
 from furcl.scene.tables import Scene
+from furcl.surface.ellipsoid import Body
 
 SCENES = Path(__file__).parents[1] / "scenes"
 NAMES = sorted(path.stem for path in SCENES.glob("*.toml") if path.stem != "groom")
@@ -136,7 +136,7 @@ def test_scenes_that_come_with_furcl_are_found_by_name(tmp_path, monkeypatch):
 
 def test_repr_is_a_short_line():
     scene = load_scene(SCENES / "red_fox.toml")
-    assert repr(scene) == "Scene('red_fox', 512 x 512, double-cylinder, sky, fur)"
+    assert repr(scene) == "Scene('red_fox', 512 x 512, double-cylinder, sky, fur, ellipsoid)"
 
 
 def test_defaults(scene_file):
@@ -220,7 +220,10 @@ BAD = [
         {"environment": {"kind": "constant", "radiance": math.nan}},
         "environment.radiance = nan: allowed is 0 to 1e+09",
     ),
-    ({"body": {"center": [0, 0, 0]}}, "unknown key body.center; did you mean body.centre?"),
+    (
+        {"body": {"center": [0, 0, 0]}},
+        "unknown key body.center with kind = 'ellipsoid'; did you mean body.centre?",
+    ),
     ({"render": {"spp": 0}}, "render.spp = 0: expected `int` >= 1"),
     ({"render": {"spp": 1.5}}, "render.spp = 1.5: expected `int`, got `float`"),
     ({"render": {"spp": True}}, "render.spp = True: expected `int`, got `bool`"),
