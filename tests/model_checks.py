@@ -13,6 +13,7 @@ from direction_statistics import chi_square_p
 from offset_cells import N_CELLS, cell, integrals, wo_at
 
 from furcl.bench.convergence_statistics import ratio_interval, slope
+from furcl.bench.stability_row import Row
 from furcl.device.choice import Device
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
@@ -154,3 +155,22 @@ def check_error_falls_as_monte_carlo_does(results: dict[str, Any], sampling: str
     assert found.high - found.low < 0.25
     for column in over_variance.T:
         assert ratio_interval(column, CONFIDENCE).contains(1.0), column
+
+
+def check_sweep(rows: dict[tuple[str, str], Row]) -> None:
+    """What furcl.bench.stability_compare found for a model's fibres at the ends of their ranges.
+
+    Attenuation within 1e-5 or 1e-7, evaluate and densities within 1e-4 or 1e-6, or what one unit in
+    the last place of the inputs does to the float64 reference, eight times; and mostly the bars
+    alone.
+    """
+    quantities = {quantity for quantity, _ in rows}
+    assert quantities >= {"attenuation", "evaluate", "pdf", "sample weight", "value over pdf"}
+    for (quantity, _), row in rows.items():
+        assert (row.nan, row.inf, row.negative) == (0, 0, 0), row
+        assert row.excess <= 1.0, row
+        if quantity in ("attenuation", "evaluate"):
+            assert row.within_bars > 0.95 * row.points, row
+        if quantity == "value over pdf" and row.points:
+            assert row.max_relative <= 1e-4, row
+    assert rows["energy", "all"].value <= 1 + 1e-3

@@ -19,7 +19,14 @@ def attenuation(
 
 
 def direction_pdf(
-    fibre, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, lobe: str | int = 0, profiles: None = None
+    fibre,
+    wo: ArrayLike,
+    wi: ArrayLike,
+    h: ArrayLike,
+    profiles: None = None,
+    *,
+    lobe: str | int = "diffuse",
+    sampling: str = "full-cdf",
 ) -> Array:
     """Density (...) of wi [1/sr]: the cosine to the normal over pi."""
     wo, wi, h = np.asarray(wo, np.float64), np.asarray(wi, np.float64), np.asarray(h, np.float64)
