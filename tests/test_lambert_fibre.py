@@ -20,6 +20,8 @@ from model_checks import (
     check_error_falls_as_monte_carlo_does,
     check_mean_weight,
     check_picture_shows_albedo,
+    check_reference,
+    check_same_light_in_the_same_directions,
     check_samples_follow_their_density,
     check_sweep,
     check_weights_are_value_over_density,
@@ -108,6 +110,10 @@ def test_its_features_are_a_key():
     assert Features(fibre=MODEL.features(LambertFibre())) != features
 
 
+def test_its_reference_has_what_the_page_lists():
+    check_reference(reference)
+
+
 # Functions --------------------------------------------------------------------------------------
 
 
@@ -136,6 +142,15 @@ def test_weight_is_value_over_pdf(device, rng, seed, sampling):
 def test_chi_square(device, seed, theta_deg, sampling):
     probe = Probe(COLOURED, sampling=sampling, device=device)
     check_samples_follow_their_density(probe, np.deg2rad(theta_deg), seed, LEVEL)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("sampling", SAMPLERS)
+@pytest.mark.parametrize("theta_deg", THETAS_DEG)
+def test_same_light_in_the_same_directions(device, seed, theta_deg, sampling):
+    probe = Probe(COLOURED, sampling=sampling, device=device)
+    level = sidak(5 * len(SAMPLERS) * len(THETAS_DEG))
+    check_same_light_in_the_same_directions(probe, reference, np.deg2rad(theta_deg), seed, level)
 
 
 @pytest.mark.statistical
