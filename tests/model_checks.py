@@ -5,14 +5,20 @@ Each check has a mutant of its own that must fail.
 
 from __future__ import annotations
 
+import inspect
+import re
 from collections.abc import Callable, Collection
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from direction_statistics import chi_square_p
 from offset_cells import N_CELLS, cell, integrals, wo_at
+from scipy import stats
 
 from furcl.bench.convergence_statistics import ratio_interval, slope
+from furcl.bench.stability_row import Row
 from furcl.device.choice import Device
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
@@ -32,6 +38,52 @@ def directions(rng: np.random.Generator, n: int) -> np.ndarray:
     c = np.sqrt((1 - s) * (1 + s))
     w = np.stack([s, c * np.cos(phi), c * np.sin(phi)], 1).astype(np.float32).astype(np.float64)
     return w / np.linalg.norm(w, axis=1, keepdims=True)
+
+
+def check_reference(reference: ModuleType) -> None:
+    """Its functions have the arguments that docs/oracle.md lists."""
+    page = Path(__file__).parents[1] / "docs" / "oracle.md"
+    section = page.read_text().split("## Another model")[1]
+    listed = re.findall(r"^    (\w+)\((.*)\)$", section, re.MULTILINE)
+    assert len(listed) == 7
+    for function, arguments in listed:
+        found = inspect.signature(getattr(reference, function))
+        plain = [p.replace(annotation=p.empty) for p in found.parameters.values()]
+        assert str(inspect.Signature(plain)) == f"({arguments})"
+
+
+def check_same_light_in_the_same_directions(
+    probe: Probe, reference: Any, theta: float, seed: int, level: float
+) -> None:
+    """Two-sample z tests of device and float64 samples: the light in each lobe, its directions and
+    their side. Float64 samples of wi or of h turned round must not pass."""
+    n = 200_000
+    wi, h, lobe, weight, _ = probe.sample(wo_at(theta), n=n, seed=seed % 2**32)
+    mine = _moments(*(x.astype(np.float64) for x in (wi, h, lobe, weight)))
+    drawn = reference.sample(
+        probe.fibre, wo_at(theta), n, probe.material.profiles,
+        sampling=probe.sampler.name, rng=seed,
+    )  # fmt: skip
+    limit = stats.norm.isf(level / 2)
+    assert _largest_z(mine, _moments(drawn.wi, drawn.h, drawn.lobe, drawn.weight)) < limit
+    for turned in ((-drawn.wi, drawn.h), (drawn.wi, -drawn.h)):
+        assert _largest_z(mine, _moments(*turned, drawn.lobe, drawn.weight)) > 2 * limit
+
+
+def _moments(wi, h, lobe, weight) -> np.ndarray:
+    """(n, 25) of weight times functions of what was drawn, whose means no sampler changes: 1, s,
+    s^2 and the sides of phi, in each of five lobes."""
+    phi = np.arctan2(wi[:, 2], wi[:, 1])
+    functions = (np.ones(len(h)), wi[:, 0], wi[:, 0] ** 2, np.cos(phi), np.sign(h) * np.sin(phi))
+    scalar = weight.mean(1)
+    return np.stack([scalar * f * (lobe == p) for p in range(5) for f in functions], 1)
+
+
+def _largest_z(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest difference of the means over its standard error, of moments drawn often enough."""
+    error = np.sqrt(a.var(0) / len(a) + b.var(0) / len(b))
+    often = (a != 0).sum(0) > 500
+    return float(np.abs((a.mean(0) - b.mean(0)) / np.maximum(error, 1e-12))[often].max())
 
 
 def check_samples_follow_their_density(
@@ -154,3 +206,22 @@ def check_error_falls_as_monte_carlo_does(results: dict[str, Any], sampling: str
     assert found.high - found.low < 0.25
     for column in over_variance.T:
         assert ratio_interval(column, CONFIDENCE).contains(1.0), column
+
+
+def check_sweep(rows: dict[tuple[str, str], Row]) -> None:
+    """What furcl.bench.stability_compare found for a model's fibres at the ends of their ranges.
+
+    Attenuation within 1e-5 or 1e-7, evaluate and densities within 1e-4 or 1e-6, or what one unit in
+    the last place of the inputs does to the float64 reference, eight times; and mostly the bars
+    alone.
+    """
+    quantities = {quantity for quantity, _ in rows}
+    assert quantities >= {"attenuation", "evaluate", "pdf", "sample weight", "value over pdf"}
+    for (quantity, _), row in rows.items():
+        assert (row.nan, row.inf, row.negative) == (0, 0, 0), row
+        assert row.excess <= 1.0, row
+        if quantity in ("attenuation", "evaluate"):
+            assert row.within_bars > 0.95 * row.points, row
+        if quantity == "value over pdf" and row.points:
+            assert row.max_relative <= 1e-4, row
+    assert rows["energy", "all"].value <= 1 + 1e-3

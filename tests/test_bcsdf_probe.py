@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from direction_statistics import sidak
 from fibres import FIBRES
+from model_checks import check_same_light_in_the_same_directions
 from offset_cells import wo_at
-from scipy import stats
 
 from furcl import bcsdf
 from furcl.rendering.probe import Probe
@@ -15,7 +15,6 @@ CASES = [
     for sampling in bcsdf.SAMPLING
     for name, theta_deg in [("human-black", 25.0), ("coloured", -60.0), ("all medulla", 40.0)]
 ]
-N = 200_000
 
 
 @pytest.mark.parametrize("sampling", ["uniform-h", "full-cdf"])
@@ -82,41 +81,12 @@ def _joint_ratios(probe: Probe, theta_deg: float) -> list[np.ndarray]:
     return ratios
 
 
-def _moments(wi, h, lobe, weight) -> np.ndarray:
-    """(n, 25) of weight times functions of what was drawn, whose means no sampler changes: 1, s,
-    s^2 and the sides of phi, in each lobe."""
-    phi = np.arctan2(wi[:, 2], wi[:, 1])
-    functions = (np.ones(len(h)), wi[:, 0], wi[:, 0] ** 2, np.cos(phi), np.sign(h) * np.sin(phi))
-    scalar = weight.mean(1)
-    return np.stack([scalar * f * (lobe == p) for p in range(5) for f in functions], 1)
-
-
-def _z(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Differences of the means over their standard errors, of moments drawn often enough."""
-    error = np.sqrt(a.var(0) / len(a) + b.var(0) / len(b))
-    often = (a != 0).sum(0) > 500
-    return ((a.mean(0) - b.mean(0)) / np.maximum(error, 1e-12))[often]
-
-
 @pytest.mark.statistical
 @pytest.mark.parametrize(("name", "theta_deg", "sampling"), CASES)
 def test_same_light_in_the_same_directions(
     device, seed: int, name: str, theta_deg: float, sampling: str
 ) -> None:
-    """Two-sample z tests of the light in each lobe, its directions and their side, between rows of
-    the tables. Float64 samples of wi or of h turned round must not pass."""
-    fibre, theta = FIBRES[name], np.deg2rad(theta_deg)
-    probe = Probe(fibre, sampling=sampling, device=device)
-    wi, h, lobe, weight, _ = probe.sample(wo_at(theta), n=N, seed=seed % 2**32)
-    device_side = _moments(*(x.astype(np.float64) for x in (wi, h, lobe, weight)))
-    drawn = bcsdf.sample(
-        fibre, wo_at(theta), N, probe.material.profiles, sampling=sampling, rng=seed
-    )
-    limit = stats.norm.isf(sidak(25 * len(CASES)) / 2)
-    assert (
-        np.abs(_z(device_side, _moments(drawn.wi, drawn.h, drawn.lobe, drawn.weight))).max() < limit
-    )
-    for turned in ((-drawn.wi, drawn.h), (drawn.wi, -drawn.h)):
-        assert (
-            np.abs(_z(device_side, _moments(*turned, drawn.lobe, drawn.weight))).max() > 2 * limit
-        )
+    """Between rows of the tables."""
+    probe = Probe(FIBRES[name], sampling=sampling, device=device)
+    level = sidak(25 * len(CASES))
+    check_same_light_in_the_same_directions(probe, bcsdf, np.deg2rad(theta_deg), seed, level)

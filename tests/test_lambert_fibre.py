@@ -14,12 +14,16 @@ from lambert_fibre import (
     reference,
     registered_lambert,
 )
+from lambert_fibre.sweep import SUBJECT, LambertSubject
 from model_checks import (
     SAMPLERS,
     check_error_falls_as_monte_carlo_does,
     check_mean_weight,
     check_picture_shows_albedo,
+    check_reference,
+    check_same_light_in_the_same_directions,
     check_samples_follow_their_density,
+    check_sweep,
     check_weights_are_value_over_density,
     directions,
     furnace_z,
@@ -28,8 +32,9 @@ from offset_cells import wo_at
 from scene_documents import even_patch, fur_patch, single_fibre
 
 import furcl
-from furcl.bench import convergence
+from furcl.bench import convergence, stability
 from furcl.bench.convergence_plan import Plan
+from furcl.bench.stability_compare import Comparison
 from furcl.device.features import Features
 from furcl.errors import FibreError, SceneError
 from furcl.fibre import model as models
@@ -105,6 +110,10 @@ def test_its_features_are_a_key():
     assert Features(fibre=MODEL.features(LambertFibre())) != features
 
 
+def test_its_reference_has_what_the_page_lists():
+    check_reference(reference)
+
+
 # Functions --------------------------------------------------------------------------------------
 
 
@@ -133,6 +142,15 @@ def test_weight_is_value_over_pdf(device, rng, seed, sampling):
 def test_chi_square(device, seed, theta_deg, sampling):
     probe = Probe(COLOURED, sampling=sampling, device=device)
     check_samples_follow_their_density(probe, np.deg2rad(theta_deg), seed, LEVEL)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("sampling", SAMPLERS)
+@pytest.mark.parametrize("theta_deg", THETAS_DEG)
+def test_same_light_in_the_same_directions(device, seed, theta_deg, sampling):
+    probe = Probe(COLOURED, sampling=sampling, device=device)
+    level = sidak(5 * len(SAMPLERS) * len(THETAS_DEG))
+    check_same_light_in_the_same_directions(probe, reference, np.deg2rad(theta_deg), seed, level)
 
 
 @pytest.mark.statistical
@@ -166,6 +184,28 @@ def test_a_sampler_of_ones_own_works_with_it(device):
         check_mean_weight(probe, -0.8, reference.albedo(COLOURED, -0.8))
     finally:
         samplers.unregister("mine")
+
+
+@pytest.mark.parametrize("specialised", [False, True])
+def test_sweep(device, rng, specialised):
+    """The edges of its parameters and random fibres, at the ends of inclination and offset."""
+    comparison = Comparison(device, SUBJECT)
+    fibres = [*(fibre for _, _, fibre in SUBJECT.grid()), *(SUBJECT.random(rng) for _ in range(20))]
+    for i, fibre in enumerate(fibres):
+        comparison.add(fibre, SUBJECT.points(fibre, rng, 250), i, specialised)
+    check_sweep(comparison.rows)
+
+
+def test_the_stability_bench_takes_it(device, tmp_path):
+    results = stability.run(
+        tmp_path, device=device, quick=True, n_points=4000, renders=False, subject=SUBJECT
+    )
+    assert results["passed"]
+    assert results["model"] == "lambert"
+    assert {row["lobe"] for row in results["rows"]} == {"diffuse", "all"}
+    (row,) = (r for r in results["rows"] if r["quantity"] == "attenuation")
+    (again,) = (r for r in stability.replay(row["worst"], device, SUBJECT) if r[0] == "attenuation")
+    assert again[2] == pytest.approx(row["value"], rel=1e-6)
 
 
 # Pictures ---------------------------------------------------------------------------------------
@@ -249,13 +289,18 @@ def wrong(tmp_path):
 
 @pytest.mark.statistical
 def test_a_wrong_density_is_seen(device, rng, seed, wrong):
-    """By the reference, by chi-square, by the furnace and by pictures with light samples."""
+    """By the reference, by chi-square, by the sweep, by the furnace and by pictures with light
+    samples."""
     probe = Probe(COLOURED, device=device)
     wo, wi = directions(rng, 1000), directions(rng, 1000)
     ratio = probe.evaluate(wo, wi, 0.3).sum() / reference.evaluate(COLOURED, wo, wi, 0.3).sum()
     assert ratio == pytest.approx(1.05, rel=1e-3)
     with pytest.raises(AssertionError, match="diffuse"):
         check_samples_follow_their_density(probe, 0.3, seed, LEVEL)
+    comparison = Comparison(device, LambertSubject(wrong, LambertFibre))
+    comparison.add(COLOURED, SUBJECT.points(COLOURED, rng, 1000), 0)
+    with pytest.raises(AssertionError, match="evaluate"):
+        check_sweep(comparison.rows)
     assert sphere_integral(Probe(LambertFibre(), device=device), 0.0) > 1.04
     # Light samples are weighed against a density that is not theirs: 1.25 % too bright.
     assert furnace_z(single_fibre(45.0, WHITE, light_sampling="mis"), device) > 4.0

@@ -1,12 +1,11 @@
 """The examples of docs/oracle.md, run as they stand: outputs as printed, in one session."""
 
 import doctest
-import inspect
-import re
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+from model_checks import check_reference
 
 from furcl.device.choice import Device
 from furcl.fibre import model
@@ -46,11 +45,4 @@ def test_examples(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize("name", model.names())
 def test_signatures(name: str) -> None:
     """The functions of every model's reference have the arguments that the page lists."""
-    reference = import_module(model.find(name).reference)
-    section = PAGE.read_text().split("## Another model")[1]
-    listed = re.findall(r"^    (\w+)\((.*)\)$", section, re.MULTILINE)
-    assert len(listed) == 7
-    for function, arguments in listed:
-        found = inspect.signature(getattr(reference, function))
-        plain = [p.replace(annotation=p.empty) for p in found.parameters.values()]
-        assert str(inspect.Signature(plain)) == f"({arguments})"
+    check_reference(import_module(model.find(name).reference))

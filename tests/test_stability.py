@@ -8,15 +8,18 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from kernel_harness import call
+from model_checks import check_sweep
 
 from furcl.bench import stability, stability_integrals
 from furcl.bench.stability import WIDTHS
-from furcl.bench.stability_compare import Comparison, Row, probe_of
+from furcl.bench.stability_compare import Comparison
 from furcl.bench.stability_conditioning import attenuation_conditioning, reference_attenuation
+from furcl.bench.stability_double_cylinder import SUBJECT
 from furcl.bench.stability_integrals import BAR, factors, integrals
 from furcl.bench.stability_medulla import medulla_rows
-from furcl.bench.stability_points import LAST, Points, grid_fibres, points, random_fibre
+from furcl.bench.stability_points import LAST, Points
 from furcl.bench.stability_reference import reference_rows
+from furcl.bench.stability_row import Row
 from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
 
@@ -28,37 +31,18 @@ N_POINTS = 250
 def swept(device):
     """Every third fibre of the grid and some random ones, on a device."""
     rng = np.random.default_rng(3)
-    comparison = Comparison(device)
-    fibres = [fibre for _, _, fibre in grid_fibres()][::4]
-    for i, fibre in enumerate([*fibres, *(random_fibre(rng) for _ in range(N_FIBRES))]):
+    comparison = Comparison(device, SUBJECT)
+    fibres = [fibre for _, _, fibre in SUBJECT.grid()][::4]
+    for i, fibre in enumerate([*fibres, *(SUBJECT.random(rng) for _ in range(N_FIBRES))]):
         # One build for all of them: compiling takes longest.
-        comparison.add(fibre, points(fibre, rng, N_POINTS), i, specialised=False)
+        comparison.add(fibre, SUBJECT.points(fibre, rng, N_POINTS), i, specialised=False)
     return comparison.rows
 
 
-def test_nothing_is_nan_infinite_or_negative(swept):
-    assert {quantity for quantity, _ in swept} >= {
-        "attenuation",
-        "evaluate",
-        "pdf",
-        "sample weight",
-    }
-    for row in swept.values():
-        assert (row.nan, row.inf, row.negative) == (0, 0, 0), row
-
-
-def test_errors_are_within_the_bars_or_the_conditioning(swept):
-    """Attenuation within 1e-5 or 1e-7, evaluate within 1e-4 or 1e-6, or what one unit in the last
-    place of the inputs does to the float64 reference, eight times; and mostly the bars
-    alone. Densities as evaluate."""
-    for (quantity, _), row in swept.items():
-        assert row.excess <= 1.0, row
-        if quantity in ("attenuation", "evaluate"):
-            assert row.within_bars > 0.95 * row.points, row
-
-
-def test_energy_is_at_most_one(swept):
-    assert swept["energy", "all"].value <= 1 + 1e-3
+def test_sweep(swept):
+    """Nothing is not finite or negative, errors are within the bars or the conditioning, energy is
+    at most one, and values over densities are the weights of samples."""
+    check_sweep(swept)
 
 
 def test_weights_are_within_the_ratios_of_a_bin(swept):
@@ -73,18 +57,12 @@ def test_weights_are_within_the_ratios_of_a_bin(swept):
                 assert row.max_absolute < 5.0, row
 
 
-def test_value_over_pdf_is_the_sample_weight(swept):
-    for (quantity, _), row in swept.items():
-        if quantity == "value over pdf" and row.points:
-            assert row.max_relative <= 1e-4, row
-
-
 def test_a_wrong_value_is_seen(device, monkeypatch):
     """Mutant: attenuation off by a ten-thousandth, and one NaN."""
     rng = np.random.default_rng(5)
     fibre = Fibre.preset("red-fox")
-    comparison = Comparison(device)
-    real = probe_of(fibre, device)
+    comparison = Comparison(device, SUBJECT)
+    real = SUBJECT.probe(fibre, device)
 
     class Wrong:
         fibre, lobes, material = real.fibre, real.lobes, real.material
@@ -94,7 +72,7 @@ def test_a_wrong_value_is_seen(device, monkeypatch):
             values[0, 7] = np.nan
             return values
 
-    comparison._attenuation(cast(Any, Wrong()), points(fibre, rng, 2000))
+    comparison._attenuation(cast(Any, Wrong()), SUBJECT.points(fibre, rng, 2000))
     assert comparison.rows["attenuation", "R"].nan == 1
     assert comparison.rows["attenuation", "TT"].excess > 1
 
@@ -109,8 +87,8 @@ def test_a_wrong_value_is_seen(device, monkeypatch):
     ids=["clear medulla", "no medulla", "grey medulla"],
 )
 def test_specialised_kernels(device, rng, fibre):
-    comparison = Comparison(device)
-    comparison.add(fibre, points(fibre, rng, 2000), seed=1)
+    comparison = Comparison(device, SUBJECT)
+    comparison.add(fibre, SUBJECT.points(fibre, rng, 2000), seed=1)
     for row in comparison.rows.values():
         assert (row.nan, row.inf, row.negative) == (0, 0, 0), row
         assert row.excess <= 1.0, row
@@ -119,7 +97,7 @@ def test_specialised_kernels(device, rng, fibre):
 def test_a_clear_medulla_shortens_the_cortex(device):
     """It neither absorbs nor scatters and is no part of the absorbing chord all the same."""
     fibre = Fibre(kappa=0.9, sigma_ca=(0.5, 1.0, 2.0))
-    probe = probe_of(fibre, device)
+    probe = SUBJECT.probe(fibre, device)
     h = np.linspace(-1, 1, 201).astype(np.float32).astype(np.float64)
     expected = reference_attenuation(probe, h, np.full(201, 0.4))
     np.testing.assert_allclose(probe.attenuation(h, 0.4), expected, rtol=1e-4, atol=1e-5)
@@ -134,13 +112,13 @@ def test_the_edge_of_the_medulla_is_where_the_inputs_put_it(device, rng, sigma_m
         kappa=0.64, eta=1.452, sigma_ms=sigma_ms,
         sigma_ca=(0.05, 0.05, 0.05), sigma_ma=(0.4, 0.4, 0.4),
     )  # fmt: skip
-    probe = probe_of(fibre, device)
+    probe = SUBJECT.probe(fibre, device)
     h = (0.64 * 1.452 * (1 + rng.uniform(-1e-5, 1e-5, 4000))).astype(np.float32).astype(np.float64)
     at = Points(np.tile([0.0, 1.0], (4000, 1)), h, np.zeros((4000, 3)), np.zeros((4000, 3)))
     got, expected = probe.attenuation(h, 0.0), reference_attenuation(probe, h, np.zeros(4000))
     for p in (1, 3, 4):
         assert np.abs(got[p] - expected[p]).max() <= bar
-    effect = attenuation_conditioning(probe, at, np.arange(4000), 1)
+    effect = attenuation_conditioning(probe, SUBJECT.neighbours, at, np.arange(4000), 1)
     assert effect.max() > 1e-3
 
 
@@ -151,7 +129,7 @@ def test_random_numbers_at_their_ends(device, sampling):
     numbers = ends.reshape(-1, 2, 4)
     for theta in (0.0, 1.0, math.pi / 2):
         for fibre in (Fibre.preset("red-fox"), Fibre(beta_m_deg=0.0573, beta_n_deg=143.2)):
-            probe = probe_of(fibre, device, sampling, specialised=False)
+            probe = SUBJECT.probe(fibre, device, sampling, specialised=False)
             wo = np.array([[np.sin(theta), np.cos(theta), 0.0]])
             wi, h, lobe, weight, pdf = probe.sample(wo, n=len(numbers), numbers=numbers)
             alive = lobe < len(probe.lobes)
@@ -170,7 +148,7 @@ def test_a_lobe_of_next_to_no_energy_has_no_infinite_weight(device, sampling):
         kappa=0.999999, eta=2.9, layers=0.0, sigma_ms=1e-3,
         sigma_ca=(50.0, 50.0, 50.0), sigma_ma=(50.0, 50.0, 50.0),
     )  # fmt: skip
-    probe = probe_of(fibre, device, sampling, specialised=False)
+    probe = SUBJECT.probe(fibre, device, sampling, specialised=False)
     rng = np.random.default_rng(1)
     numbers = rng.random((2000, 2, 4)).astype(np.float32) * np.float32(LAST)
     numbers[:, 0, 1] = 0.0
@@ -189,7 +167,7 @@ def test_an_offset_stays_in_its_bin(device):
         sigma_ms=320.0,
         sigma_ma=(0.01, 0.01, 0.01),
     )
-    probe = probe_of(fibre, device, specialised=False)
+    probe = SUBJECT.probe(fibre, device, specialised=False)
     rng = np.random.default_rng(2)
     numbers = rng.random((20_000, 2, 4)).astype(np.float32) * np.float32(LAST)
     numbers[:, 0, 2] = np.where(rng.random(20_000) < 0.5, 0.5 * LAST, LAST)
@@ -203,7 +181,7 @@ def test_an_offset_stays_in_its_bin(device):
 def test_lobes_at_the_rim_are_seen_by_the_tables(device):
     """At eta = 1.0001 TRT and the residual live within 1e-4 of |h| = 1 and vanish there: even steps
     in the last bin missed them, weights of 3e4, and their mean gave 286; measured 2.0."""
-    probe = probe_of(Fibre(eta=1.0001, layers=0.3), device, specialised=False)
+    probe = SUBJECT.probe(Fibre(eta=1.0001, layers=0.3), device, specialised=False)
     rng = np.random.default_rng(2)
     numbers = rng.random((50_000, 2, 4)).astype(np.float32) * np.float32(LAST)
     numbers[::2, 0, 1] = 1.0 - 1e-4 * rng.random(25_000)  # the last lobe
@@ -214,7 +192,7 @@ def test_lobes_at_the_rim_are_seen_by_the_tables(device):
 def test_reflectance_near_index_one(device):
     """(c - n)^2 cancels there: 1.1e-4 relative; multiplied out 2e-6."""
     fibre = Fibre(eta=1.0001, layers=1.0)
-    probe = probe_of(fibre, device, specialised=False)
+    probe = SUBJECT.probe(fibre, device, specialised=False)
     h = np.linspace(-0.99, 0.99, 500).astype(np.float32).astype(np.float64)
     expected = reference_attenuation(probe, h, np.zeros(500))[0]
     np.testing.assert_allclose(probe.attenuation(h, 0.0)[0], expected, rtol=5e-6, atol=1e-14)
@@ -227,7 +205,7 @@ def test_weights_stay_within_the_ratios_of_a_bin(device, name, theta_deg):
     the tables even in theta a thin cuticle gave 10^5 at grazing incidence."""
     thin = {"thin cuticle": Fibre(layers=1e-3), "index 1": Fibre(eta=1.0001)}
     fibre = thin.get(name) or Fibre.preset(name)
-    probe = probe_of(fibre, device, specialised=False)
+    probe = SUBJECT.probe(fibre, device, specialised=False)
     theta = math.radians(theta_deg)
     wo = np.array([math.sin(theta), math.cos(theta), 0.0])
     _, _, _, weight, _ = probe.sample(wo, n=20_000, seed=2)

@@ -5,9 +5,8 @@ import pytest
 from fibres import FIBRES
 
 from furcl import bcsdf
-from furcl.bench.stability_compare import probe_of
 from furcl.bench.stability_conditioning import reference_attenuation
-from furcl.bench.stability_points import points
+from furcl.bench.stability_double_cylinder import SUBJECT
 from furcl.bench.stability_weights import BIN_RATIO, Rows
 from furcl.device import layout
 from furcl.device.features import Features
@@ -57,8 +56,8 @@ def _distances(joint, expected):
 
 def _largest_ratio(device, fibre, rng):
     """Largest weight over the energy of the rows, at random offsets and inclinations: float64."""
-    probe = probe_of(fibre, device, specialised=False)
-    at = points(fibre, rng, 20_000)
+    probe = SUBJECT.probe(fibre, device, specialised=False)
+    at = SUBJECT.points(fibre, rng, 20_000)
     assert probe.material.tables is not None
     rows = Rows(probe.material.tables, at.sin_cos[:, 1])
     exact = reference_attenuation(probe, at.h, at.theta).mean(-1)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.bench.stability_compare import BARS, Comparison, Row, probe_of, replay_command
+from furcl.bench.stability_compare import BARS, Comparison
 from furcl.bench.stability_conditioning import (
     attenuation_conditioning,
     evaluate_conditioning,
@@ -21,13 +21,15 @@ from furcl.bench.stability_conditioning import (
     reference_evaluate,
     reference_pdf,
 )
+from furcl.bench.stability_double_cylinder import SUBJECT as DOUBLE_CYLINDER
 from furcl.bench.stability_integrals import factors, integrals
 from furcl.bench.stability_medulla import medulla_rows
-from furcl.bench.stability_points import Points, grid_fibres, points, random_fibre
+from furcl.bench.stability_points import Points
 from furcl.bench.stability_reference import reference_rows
 from furcl.bench.stability_renders import render_rows
+from furcl.bench.stability_row import Row, replay_command
+from furcl.bench.stability_subject import Subject
 from furcl.device.choice import Device, open_device
-from furcl.fibre.double_cylinder.parameters import Fibre
 
 SCHEMA = "furcl-stability-1"
 POINTS_PER_FIBRE = 2000
@@ -49,6 +51,7 @@ def run(
     renders: bool = True,
     seed: int = 1,
     progress: Progress | None = None,
+    subject: Subject = DOUBLE_CYLINDER,
 ) -> dict[str, Any]:
     """Compare the device with float64 over the grid and `n_points` random points.
 
@@ -58,6 +61,7 @@ def run(
     quick : bool        fewer widths, scenes and points: what the tests run as well
     n_points : int      random points; default 10^7, quick 10^5
     renders : bool      also render scenes/extreme
+    subject : Subject   the fibre model
 
     Returns
     -------
@@ -70,27 +74,21 @@ def run(
     n_points = n_points or (100_000 if quick else 10_000_000)
     say = progress or (lambda *_: None)
     rng = np.random.default_rng(seed)
-    total = Comparison(opened)
+    total = Comparison(opened, subject)
     parameters = _grid(total, rng, 200 if quick else POINTS_PER_FIBRE, quick, say)
     n_fibres = max(1, n_points // POINTS_PER_FIBRE)
     for i in range(n_fibres):
-        fibre = random_fibre(rng)
+        fibre = subject.random(rng)
         # Compiling for every other fibre anew would take most of a quick run.
         specialised = i % 8 == 0 if quick else True
-        total.add(fibre, points(fibre, rng, POINTS_PER_FIBRE), i, specialised)
+        total.add(fibre, subject.points(fibre, rng, POINTS_PER_FIBRE), i, specialised)
         say("random points", i + 1, n_fibres)
-    betas = (1e-3, 0.41, 2.5) if quick else (1e-3, 3e-3, 0.03, 0.39, 0.41, 1.49, 1.51, 2.5)
-    degrees = (0.0, 60.0) if quick else (0.0, 60.0, 85.0, 89.5)
-    rows = [
-        *total.rows.values(),
-        *factors(opened, WIDTHS, [math.radians(d) for d in (0.0, 30.0, 60.0, 85.0, 89.5, 90.0)]),
-        *integrals(opened, betas, [math.radians(d) for d in degrees]),
-        *medulla_rows(opened, quick),
-        *reference_rows(),
-    ]
+    own_rows = OWN_ROWS.get(subject.model.name, lambda *_: [])
+    rows = [*total.rows.values(), *own_rows(opened, quick)]
     say("integrals", 1, 1)
     results = {
         "schema": SCHEMA,
+        "model": subject.model.name,
         **circumstances(opened),
         "quick": quick,
         "seed": seed,
@@ -104,6 +102,21 @@ def run(
     write_json(results, Path(out) / "results.json")
     return results
 
+
+def _double_cylinder_rows(device: Device, quick: bool) -> list[Row]:
+    """Integrals of its lobes, its simulated profiles, and its reference against 60 digits."""
+    betas = (1e-3, 0.41, 2.5) if quick else (1e-3, 3e-3, 0.03, 0.39, 0.41, 1.49, 1.51, 2.5)
+    degrees = (0.0, 60.0) if quick else (0.0, 60.0, 85.0, 89.5)
+    return [
+        *factors(device, WIDTHS, [math.radians(d) for d in (0.0, 30.0, 60.0, 85.0, 89.5, 90.0)]),
+        *integrals(device, betas, [math.radians(d) for d in degrees]),
+        *medulla_rows(device, quick),
+        *reference_rows(),
+    ]
+
+
+OWN_ROWS = {"double-cylinder": _double_cylinder_rows}
+"""What else is swept of a model."""
 
 COMPARED = ("evaluate", "pdf", "bin ratio")
 """Quantities compared with float64 point by point, without a bar: of 10^7 points at the ends of all
@@ -121,10 +134,15 @@ def passed(results: dict[str, Any]) -> bool:
     return good and all(r["agrees"] and r["nonfinite"] == 0 for r in results["renders"])
 
 
-def replay(point: dict[str, Any], device: str | Device | None = None) -> list[list[Any]]:
+def replay(
+    point: dict[str, Any],
+    device: str | Device | None = None,
+    subject: Subject = DOUBLE_CYLINDER,
+) -> list[list[Any]]:
     """Device and float64 values at a point of a row, as quantity, lobe, device, float64, and what
     one unit in the last place of the inputs changes; of the point's channel, or the first."""
-    probe = probe_of(Fibre(**point["fibre"]), device, point.get("sampling", "full-cdf"))
+    fibre = subject.parameters(**point["fibre"])
+    probe = subject.probe(fibre, device, point.get("sampling", "full-cdf"))
     at = Points(*(np.array([point[name]], np.float64) for name in ("sin_cos", "h", "wo", "wi")))
     theta = at.theta
     value, pdf = probe.evaluate_lobes(at.wo, at.wi, at.h)
@@ -143,7 +161,7 @@ def replay(point: dict[str, Any], device: str | Device | None = None) -> list[li
         for p, lobe in enumerate(probe.lobes):
             found = (
                 x[0, min(point.get("channel", 0), x.shape[1] - 1)]
-                for x in (got[p], exact[p], conditioning(probe, at, [0], p))
+                for x in (got[p], exact[p], conditioning(probe, subject.neighbours, at, [0], p))
             )
             rows.append([quantity, lobe, *(float(x) for x in found)])
     if "numbers" in point:
@@ -157,11 +175,12 @@ def _grid(
 ) -> list[dict[str, Any]]:
     """Add the fibres of the grid; errors of each by the parameter that is at an edge."""
     found = []
-    fibres = list(grid_fibres())
+    subject = total.subject
+    fibres = list(subject.grid())
     # The quick grid: every third fibre; all edges are also among the random ones.
     for i, (name, value, fibre) in enumerate(fibres[::3] if quick else fibres):
-        part = Comparison(total.device)
-        part.add(fibre, points(fibre, rng, n), i, specialised=not quick)
+        part = Comparison(total.device, subject)
+        part.add(fibre, subject.points(fibre, rng, n), i, specialised=not quick)
         found.append(
             {
                 "parameter": name,
@@ -170,8 +189,10 @@ def _grid(
                     quantity: max(r.excess for r in part.rows.values() if r.quantity == quantity)
                     for quantity in BARS
                 },
+                # Black fibres are never sampled.
                 "weight": max(
-                    r.max_absolute for r in part.rows.values() if r.quantity == "sample weight"
+                    (r.max_absolute for r in part.rows.values() if r.quantity == "sample weight"),
+                    default=0.0,
                 ),
             }
         )

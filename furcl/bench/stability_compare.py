@@ -4,10 +4,7 @@ time: what is not finite, what is negative, the largest errors and where they ar
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
-import json
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +21,8 @@ from furcl.bench.stability_conditioning import (
     rescaled,
 )
 from furcl.bench.stability_points import LAST, Points
+from furcl.bench.stability_row import CONDITION_FACTOR, Row, describe
+from furcl.bench.stability_subject import Subject
 from furcl.bench.stability_weights import (
     BIN_RATIO,
     Rows,
@@ -31,15 +30,7 @@ from furcl.bench.stability_weights import (
     largest_weight,
     no_regions,
 )
-from furcl.cdf import inclusive_cdf
-from furcl.fibre.double_cylinder import layout
-from furcl.fibre.double_cylinder.model import MODEL
-from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.profiles import (
-    AzimuthProfiles,
-    LongitudinalProfiles,
-    MedullaProfiles,
-)
+from furcl.device.choice import Device
 from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
@@ -50,98 +41,8 @@ BARS = {"attenuation": (1e-5, 1e-7), "evaluate": (1e-4, 1e-6), "pdf": (1e-4, 1e-
 ON_AXIS = 1e-12
 """Sines of the angle to the axis below which a direction's azimuth is not compared."""
 
-CONDITION_FACTOR = 8.0
-"""Errors up to this many times the effect of one unit in the last place of the inputs are the
-inputs' own, not the formulas'."""
-
 HARDEST = 64
 """Points of a batch, those with the largest errors, for which that effect is computed."""
-
-
-@dataclass
-class Row:
-    """What was found for one quantity of one lobe.
-
-    `excess` is the largest error over its allowance: the larger of the two bars, plus
-    CONDITION_FACTOR times the conditioning of the point. At that worst point stand `value`,
-    `reference` and `conditioning`, the change of the reference when an input changes by one unit
-    in the last place of float32.
-    """
-
-    quantity: str
-    lobe: str
-    points: int = 0
-    nan: int = 0
-    inf: int = 0
-    negative: int = 0
-    max_absolute: float = 0.0
-    max_relative: float = 0.0
-    within_bars: int = 0
-    excess: float = 0.0
-    value: float = 0.0
-    reference: float = 0.0
-    conditioning: float = 0.0
-    worst: dict[str, Any] = field(default_factory=dict)
-
-    def count(self, values: Array) -> None:
-        """Count what is not finite or negative."""
-        self.points += len(values)
-        self.nan += int(np.isnan(values).any(axis=-1).sum())
-        self.inf += int(np.isinf(values).any(axis=-1).sum())
-        self.negative += int((values < 0.0).any(axis=-1).sum())
-
-    def merge(self, other: Row) -> None:
-        """Add what another run found for the same quantity and lobe."""
-        for name in ("points", "nan", "inf", "negative", "within_bars"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        for name in ("max_absolute", "max_relative"):
-            setattr(self, name, max(getattr(self, name), getattr(other, name)))
-        if not self.worst or (other.excess, other.value) > (self.excess, self.value):
-            for name in ("excess", "value", "reference", "conditioning", "worst"):
-                setattr(self, name, getattr(other, name))
-
-
-@functools.cache
-def random_profiles(channels: int, seed: int = 1) -> MedullaProfiles:
-    """Profiles of no particular medulla: both sides read the same tables, so any will do to compare
-    the arithmetic around them. Densities differ by a thousand from bin to bin. `channels` of
-    absorption is 0, 1 or 3."""
-    rng = np.random.default_rng(seed)
-
-    def shares(*shape: int) -> Array:
-        raw = np.exp(rng.uniform(-7.0, 0.0, shape))
-        return raw / raw.sum(-1, keepdims=True)
-
-    phi = shares(layout.PROFILE_TAUS, layout.PROFILE_OFFSETS, layout.PROFILE_PHIS)
-    sine = shares(layout.PROFILE_THETAS, 2, layout.PROFILE_SINES)
-    absorption = rng.uniform(0.0, 1.0, (*phi.shape, max(channels, 1))).astype(np.float32)
-    # The kernels read the differences of the float32 CDF.
-    cdf = inclusive_cdf(phi)
-    chance = np.diff(cdf, prepend=np.float32(0.0))
-    escape = (chance[..., None] * absorption).sum(2).astype(np.float32)
-    density = chance * np.float32(layout.PROFILE_PHIS / (2.0 * np.pi))
-    along = (sine * layout.PROFILE_SINES / 2.0).astype(np.float32)
-    return MedullaProfiles(
-        AzimuthProfiles(density, cdf, absorption if channels else None, np.zeros_like(density)),
-        LongitudinalProfiles(along, inclusive_cdf(sine), np.zeros_like(along)),
-        escape if channels else None,
-        0.0,
-        0,
-        0.0,
-    )
-
-
-def probe_of(fibre: Fibre, device, sampling: str = "full-cdf", specialised: bool = True) -> Probe:
-    """A probe in three channels with the residual lobe and with `random_profiles`.
-
-    Specialised, its kernels have what the fibre needs, as those of a render do; else everything, so
-    that all fibres share one build.
-    """
-    features = MODEL.features(fibre, residual=True)
-    if not specialised:
-        features = features.everything_on()
-    profiles = random_profiles(features.profile_channels)
-    return Probe(fibre, sampling, device, channels=3, features=features, profiles=profiles)
 
 
 class Comparison:
@@ -150,10 +51,11 @@ class Comparison:
     Parameters
     ----------
     device : Device
+    subject : Subject       the fibre model
     """
 
-    def __init__(self, device) -> None:
-        self.device = device
+    def __init__(self, device: Device, subject: Subject) -> None:
+        self.device, self.subject = device, subject
         self.rows: dict[tuple[str, str], Row] = {}
         self.regions = no_regions()
 
@@ -161,15 +63,16 @@ class Comparison:
         """The row of a quantity and a lobe."""
         return self.rows.setdefault((quantity, lobe), Row(quantity, lobe))
 
-    def add(self, fibre: Fibre, points: Points, seed: int, specialised: bool = True) -> None:
+    def add(self, fibre: Any, points: Points, seed: int, specialised: bool = True) -> None:
         """Compare one fibre at some points."""
-        probe = probe_of(fibre, self.device, specialised=specialised)
+        probe = self.subject.probe(fibre, self.device, specialised=specialised)
         self._attenuation(probe, points)
         self._evaluate(probe, points)
         self._sample(probe, points, seed)
         # The other samplers share its tables and lobes: a sixteenth of the fibres will do.
         for sampling in ("uniform-h", "attenuation-cdf") if seed % 16 == 0 else ():
-            self._sample(probe_of(fibre, self.device, sampling, specialised=False), points, seed)
+            other = self.subject.probe(fibre, self.device, sampling, specialised=False)
+            self._sample(other, points, seed)
 
     def merge(self, other: Comparison) -> None:
         """Add the rows of another comparison."""
@@ -213,7 +116,7 @@ class Comparison:
         weight = rows.weight(reference, points.h)
         allowed = np.maximum(BIN_RATIO * rows.energy, 1e-30)
         for region in self.regions:
-            here = inside(region, probe.fibre.eta, points.sin_cos[:, 1])
+            here = inside(region, self.subject.index(probe.fibre), points.sin_cos[:, 1])
             ratio = BIN_RATIO * weight[:, here] / allowed[here]
             region.bin_ratio = max(region.bin_ratio, float(ratio.max(initial=0.0)))
         for p, lobe in enumerate(probe.lobes):
@@ -246,8 +149,8 @@ class Comparison:
             )  # fmt: skip
 
     def _densities(self, probe: Probe, points: Points, pdf: Array, p: int) -> None:
-        """Densities (n, 1) of a lobe against float64, where light takes the lobe and neither
-        direction lies on the axis, where it has no azimuth (measured: nearer than 1e-16)."""
+        """Densities (n, 1) of a lobe against float64, where neither direction lies on the axis,
+        where it has no azimuth (measured: nearer than 1e-16)."""
         row = self.row("pdf", probe.lobes[p])
         row.count(pdf)
         if probe.material.tables is None:
@@ -274,7 +177,7 @@ class Comparison:
             row.max_relative = max(row.max_relative, float(relative.max()))
         hardest = np.argsort(-excess)[:HARDEST]
         hardest = hardest[excess[hardest] > 1.0] if excess[hardest[0]] > 1.0 else hardest[:1]
-        effect = conditioning(probe, points, hardest, p)
+        effect = conditioning(probe, self.subject.neighbours, points, hardest, p)
         allowed = allowed[hardest] + CONDITION_FACTOR * effect
         ratio = np.nan_to_num(error[hardest] / allowed, nan=np.inf)
         at, channel = np.unravel_index(np.argmax(ratio), ratio.shape)
@@ -294,7 +197,8 @@ class Comparison:
         ends = rng.random(numbers.shape) + (np.arange(n) % 2)[:, None, None]
         numbers = np.where(ends < 1 / 6, 0.0, np.where(ends < 1 / 3, LAST, numbers))
         wi, h, lobe, weight, pdf = probe.sample(points.wo, numbers=numbers)
-        allowed = largest_weight(probe, np.hypot(points.wo[:, 1], points.wo[:, 2]))
+        factors = self.subject.direction_factors(probe)
+        allowed = largest_weight(probe, factors, np.hypot(points.wo[:, 1], points.wo[:, 2]))
         suffix = "" if probe.sampler.name == "full-cdf" else f" ({probe.sampler.name})"
         for p, name in enumerate(probe.lobes):
             chosen = np.flatnonzero(lobe == p)
@@ -320,7 +224,7 @@ class Comparison:
         assert probe.material.tables is not None
         ratio = weight / np.maximum(Rows(probe.material.tables, cos).energy, 1e-30)
         for region in self.regions:
-            here = inside(region, probe.fibre.eta, cos)
+            here = inside(region, self.subject.index(probe.fibre), cos)
             region.samples += int(here.sum())
             region.weight = max(region.weight, float(weight[here].max(initial=0.0)))
             region.ratio = max(region.ratio, float(ratio[here].max(initial=0.0)))
@@ -354,21 +258,3 @@ class Comparison:
             row.excess = row.max_relative / 1e-4
             row.worst = describe(probe.fibre, points, int(chosen[at]))
             row.worst |= {"wi": wi[at].tolist(), "h": float(h[at])}
-
-
-def describe(fibre: Fibre, points: Points, i: int) -> dict[str, Any]:
-    """All that `furcl bench replay` needs to compute a point again."""
-    values = dataclasses.asdict(fibre)
-    values.pop("provenance")
-    return {
-        "fibre": values,
-        "sin_cos": points.sin_cos[i].tolist(),
-        "h": float(points.h[i]),
-        "wo": points.wo[i].tolist(),
-        "wi": points.wi[i].tolist(),
-    }
-
-
-def replay_command(worst: dict[str, Any]) -> str:
-    """The command line that prints a point again."""
-    return f"furcl bench replay '{json.dumps(worst)}'" if "h" in worst else ""

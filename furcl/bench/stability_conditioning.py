@@ -3,84 +3,68 @@ move by what float32 rounds away."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furcl.bench.stability_points import Points
 from furcl.bench.stability_weights import Rows
-from furcl.fibre.double_cylinder import reference
-from furcl.fibre.double_cylinder.layout import SCATTERED
-from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.profiles import MedullaProfiles
 from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
 
+Neighbours = Callable[[Any, float], list[Any]]
 
-def reference_attenuation(
-    probe: Probe, h: Array, theta: Array, fibre: Fibre | None = None
-) -> Array:
+
+def _reference(probe: Probe) -> Any:
+    """The module of the float64 reference of a probe's model."""
+    return import_module(probe.material.model.reference)
+
+
+def reference_attenuation(probe: Probe, h: Array, theta: Array, fibre: Any = None) -> Array:
     """(lobes, n, 3) float64; of another fibre than the probe's if given."""
-    lobes = reference.attenuation(
+    lobes = _reference(probe).attenuation(
         fibre or probe.fibre, h, theta, probe.material.profiles, residual=True
     )
     return np.stack([lobes[name] for name in probe.lobes])
 
 
 def reference_evaluate(
-    probe: Probe,
-    wo: Array,
-    wi: Array,
-    h: Array,
-    lobe: int | None = None,
-    fibre: Fibre | None = None,
+    probe: Probe, wo: Array, wi: Array, h: Array, lobe: int | None = None, fibre: Any = None
 ) -> Array:
     """(lobes, n, 3) float64, or (n, 3) of one lobe; of another fibre than the probe's if given."""
-    profiles, of = probe.material.profiles, fibre or probe.fibre
+    evaluate, of = _reference(probe).evaluate, (fibre or probe.fibre, wo, wi, h)
     if lobe is not None:
-        return reference.evaluate(of, wo, wi, h, profiles, lobe=probe.lobes[lobe])
-    return np.stack([reference.evaluate(of, wo, wi, h, profiles, lobe=n) for n in probe.lobes])
+        return evaluate(*of, probe.material.profiles, lobe=probe.lobes[lobe])
+    return np.stack([evaluate(*of, probe.material.profiles, lobe=name) for name in probe.lobes])
 
 
 def reference_pdf(
-    probe: Probe, wo: Array, wi: Array, h: Array, lobe: int, fibre: Fibre | None = None
+    probe: Probe, wo: Array, wi: Array, h: Array, lobe: int, fibre: Any = None
 ) -> Array:
-    """(n, 1) float64 density of lobe, offset and direction; nan where no light takes the lobe.
+    """(n, 1) float64 density of lobe, offset and direction.
 
-    The density over lobe and offset is looked up in the tables; that over directions is the value
-    of the lobe over its attenuation, both without absorption, which it does not depend on.
+    The density over lobe and offset is looked up in the tables.
     """
-    name = probe.lobes[lobe]
-    clear, profiles = (fibre or probe.fibre).replace(sigma_ca=(0.0, 0.0, 0.0)), None
-    if name in SCATTERED:
-        profiles = _without_absorption(probe.material.profiles)
-    else:
-        clear = clear.replace(sigma_ma=(0.0, 0.0, 0.0), sigma_ms=0.0)
-    cos = np.hypot(wo[:, 1], wo[:, 2])
-    theta = np.arctan2(wo[:, 0], cos)
-    share = reference.attenuation(clear, h, theta, profiles, residual=True)[name][..., 0]
-    value = reference.evaluate(clear, wo, wi, h, profiles, lobe=name)[..., 0]
-    direction = np.divide(value, share, out=np.full_like(value, np.nan), where=share > 1e-200)
+    direction = _reference(probe).direction_pdf(
+        fibre or probe.fibre, wo, wi, h, probe.material.profiles,
+        lobe=probe.lobes[lobe], sampling=probe.sampler.name,
+    )  # fmt: skip
     assert probe.material.tables is not None
     # Per unit of h, which uniform h has a density of 1/2 of.
-    joint = 0.5 * Rows(probe.material.tables, cos).joint(h)[lobe]
+    joint = 0.5 * Rows(probe.material.tables, np.hypot(wo[:, 1], wo[:, 2])).joint(h)[lobe]
     return (joint * direction)[:, None]
 
 
-def _without_absorption(profiles: MedullaProfiles | None) -> MedullaProfiles | None:
-    """The same densities of scattered directions, all of their light let out."""
-    if profiles is None:
-        return None
-    azimuth = dataclasses.replace(profiles.azimuth, absorption=None)
-    return dataclasses.replace(profiles, azimuth=azimuth, escape=None)
-
-
-def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
-    """Change of the reference for one unit in the last place of h, of the cosine or of kappa."""
+def attenuation_conditioning(
+    probe: Probe, neighbours: Neighbours, points: Points, at, p: int
+) -> Array:
+    """Change of the reference for one unit in the last place of h or of the cosine, and between
+    `neighbours` of the fibre (`Subject.neighbours`)."""
     h, sin_cos = points.h[at], points.sin_cos[at]
     theta = points.theta[at]
     middle = reference_attenuation(probe, h, theta)[p]
@@ -91,16 +75,20 @@ def attenuation_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
         for h_used, theta_used in ((moved, theta), (h, tilted)):
             other = reference_attenuation(probe, h_used, theta_used)[p]
             effect = np.maximum(effect, np.abs(other - middle))
-        # Where the chord begins, h' against kappa: either moves with the other kept.
-        kappa = float(rescaled(np.array(probe.fibre.kappa), way))
-        for h_used, fibre in ((rescaled(h, way), None), (h, probe.fibre.replace(kappa=kappa))):
+        others = ((h, fibre) for fibre in neighbours(probe.fibre, way))
+        for h_used, fibre in ((rescaled(h, way), None), *others):
             other = reference_attenuation(probe, h_used, theta, fibre)[p]
             effect = np.maximum(effect, np.abs(other - middle))
     return effect
 
 
 def evaluate_conditioning(
-    probe: Probe, points: Points, at, p: int, reference: Callable[..., Array] = reference_evaluate
+    probe: Probe,
+    neighbours: Neighbours,
+    points: Points,
+    at,
+    p: int,
+    reference: Callable[..., Array] = reference_evaluate,
 ) -> Array:
     """The same for h, every component of wo and wi, and an azimuth of up to 2 pi."""
     wo, wi, h = points.wo[at], points.wi[at], points.h[at]
@@ -110,8 +98,7 @@ def evaluate_conditioning(
         others = [
             reference(probe, wo, wi, moved, p) for moved in (_moved(h, way), rescaled(h, way))
         ]
-        kappa = float(rescaled(np.array(probe.fibre.kappa), way))
-        others.append(reference(probe, wo, wi, h, p, probe.fibre.replace(kappa=kappa)))
+        others += [reference(probe, wo, wi, h, p, f) for f in neighbours(probe.fibre, way)]
         for axis in range(3):
             for which in range(2):
                 pair = [wo.copy(), wi.copy()]
@@ -123,9 +110,9 @@ def evaluate_conditioning(
     return effect
 
 
-def pdf_conditioning(probe: Probe, points: Points, at, p: int) -> Array:
+def pdf_conditioning(probe: Probe, neighbours: Neighbours, points: Points, at, p: int) -> Array:
     """The same of `reference_pdf`."""
-    return evaluate_conditioning(probe, points, at, p, reference_pdf)
+    return evaluate_conditioning(probe, neighbours, points, at, p, reference_pdf)
 
 
 def rescaled(h: Array, way: float) -> Array:

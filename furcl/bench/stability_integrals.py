@@ -12,9 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl.bench.stability_compare import Row, describe, probe_of
 from furcl.bench.stability_conditioning import reference_attenuation
+from furcl.bench.stability_double_cylinder import SUBJECT
 from furcl.bench.stability_points import Points
+from furcl.bench.stability_row import Row, describe
 from furcl.fibre.double_cylinder import layout, reference
 from furcl.fibre.double_cylinder.densities import lobe_densities
 from furcl.fibre.double_cylinder.parameters import Fibre
@@ -49,7 +50,7 @@ def integrals(device, betas: Sequence[float], thetas: Sequence[float]) -> list[R
                 sigma_ms=1.0, sigma_ma=(0.1, 0.1, 0.1), sigma_ca=(0.1, 0.1, 0.1),
                 beta_m_deg=math.degrees(beta_m), beta_n_deg=math.degrees(beta_n),
             )  # fmt: skip
-            probe = probe_of(fibre, device)
+            probe = SUBJECT.probe(fibre, device)
             for theta in thetas:
                 for p, lobe in enumerate(probe.lobes[:5]):
                     row = rows.setdefault(lobe, Row("integral", lobe, value=1.0, reference=1.0))
@@ -73,7 +74,7 @@ def factors(device, betas: Sequence[float], thetas: Sequence[float]) -> list[Row
     }
     for beta in betas:
         fibre = Fibre(alpha_deg=5.0, beta_m_deg=math.degrees(beta), beta_n_deg=math.degrees(beta))
-        probe = probe_of(fibre, device, specialised=False)
+        probe = SUBJECT.probe(fibre, device, specialised=False)
         for p, lobe in enumerate(LOBES[:3]):
             nodes = [_one_longitudinal(fibre, p, theta, phi) for theta in thetas for phi in _PHIS]
             at, weight = np.concatenate([x for x, _ in nodes], 1), [w for _, w in nodes]

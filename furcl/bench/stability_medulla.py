@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from furcl.bench.stability_compare import Row
+from furcl.bench.stability_row import Row
 from furcl.device.choice import Device
 from furcl.fibre.double_cylinder.layout import PROFILE_PHIS, PROFILE_SINES
 from furcl.fibre.double_cylinder.parameters import Fibre

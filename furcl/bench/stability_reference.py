@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from furcl.bench.stability_compare import Row
+from furcl.bench.stability_row import Row
 from furcl.fibre.double_cylinder import reference
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference.angles import longitudinal

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from furcl.device import layout
 from furcl.fibre.attenuation import AttenuationTables
-from furcl.fibre.double_cylinder.profiles import MedullaProfiles
 from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
@@ -99,26 +98,12 @@ class Rows:
         return np.divide(attenuation, q, out=np.zeros_like(q), where=chosen)
 
 
-def largest_weight(probe: Probe, cos: Array) -> Array:
-    """(lobes, n): the bar for weights, mean of the channels, at inclinations of cosine `cos`."""
+def largest_weight(probe: Probe, factors: Array, cos: Array) -> Array:
+    """(lobes, n): the bar for weights, mean of the channels, at inclinations of cosine `cos`.
+
+    factors : (lobes,)      `Subject.direction_factors` of the probe
+    """
     tables = probe.material.tables
     # Without tables h is uniform and the weight the sum of all A_p, whose bar is the same.
     energy = np.full_like(cos, 1.001) if tables is None else BIN_RATIO * Rows(tables, cos).energy
-    factors = np.ones(len(probe.lobes))
-    if probe.material.profiles is not None:
-        factors[3:5] = _direction_factor(probe.material.profiles, probe.sampler)
     return factors[:, None] * energy
-
-
-def _direction_factor(profiles: MedullaProfiles, sampler) -> float:
-    """Value over density of a scattered lobe's directions, over its energy, at most: what is not
-    absorbed on the way to one azimuth over what is not on the way to all, and for directions that
-    are drawn uniformly how much denser the profiles are than that."""
-    absorption, escape = profiles.azimuth.absorption, profiles.escape
-    factor = 1.0
-    if absorption is not None and escape is not None:
-        factor = float(absorption.max() / escape.min())
-    if sampler.scattered_angles == "uniform":
-        peak = profiles.azimuth.density.max() * profiles.longitudinal.density.max()
-        factor *= float(4.0 * np.pi * peak)
-    return factor
