@@ -9,6 +9,7 @@ whose speed drifts treats both alike; printed are medians of how many times fast
 rays are of the rate over Embree's in the same process.
 
 SCENE is the name of a scene of both commits or a path, GROOM what `furcl bench intersect` takes.
+Without --only everything is measured: half an hour for three scenes and four grooms.
 """
 
 from __future__ import annotations
@@ -199,8 +200,11 @@ def take_turns(measure: dict[str, Callable[[], Any]], rounds: int) -> dict[str, 
     return found
 
 
-def compare(sides: dict[str, Side], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Rows of what was measured."""
+Rows = Iterator[dict[str, Any]]
+
+
+def renders(sides: dict[str, Side], options: argparse.Namespace) -> Rows:
+    """Samples added by two processes that have all set up."""
     for scene in options.scenes:
         with (
             renderer(sides["old"], scene, options.size, options.spp) as old,
@@ -208,17 +212,32 @@ def compare(sides: dict[str, Side], options: argparse.Namespace) -> Iterator[dic
         ):
             found = take_turns({"old": old, "new": new}, options.rounds)
         yield row(f"render {scene}", found)
+
+
+def all_rays(sides: dict[str, Side], options: argparse.Namespace) -> Rows:
+    """Every kind of rays through every groom."""
     for groom in options.groom:
         measure = {name: rays(side, groom, options.ray_rounds) for name, side in sides.items()}
         found = take_turns(measure, options.processes)
         for kind in found["old"][0]:
             of_kind = {name: [run[kind] for run in runs] for name, runs in found.items()}
             yield row(f"rays {groom}, {kind}", of_kind)
+
+
+def starts(sides: dict[str, Side], options: argparse.Namespace) -> Rows:
+    """From the command to a small picture."""
     for scene in options.scenes:
         measure = {name: start(side, scene) for name, side in sides.items()}
         yield row(f"warm start {scene}", take_turns(measure, 2 * options.processes))
+
+
+def compilations(sides: dict[str, Side], options: argparse.Namespace) -> Rows:
+    """The largest variant of the kernels."""
     measure = {name: compilation(side, options.largest) for name, side in sides.items()}
     yield row("compile everything on", take_turns(measure, options.processes))
+
+
+PARTS = {"renders": renders, "rays": all_rays, "starts": starts, "compilation": compilations}
 
 
 def row(name: str, found: dict[str, list[Pair]]) -> dict[str, Any]:
@@ -254,6 +273,7 @@ def main() -> None:
     parser.add_argument(
         "--largest", default="red_fox", help="scene of the build with everything on"
     )
+    parser.add_argument("--only", action="append", choices=PARTS, help="may be repeated")
     parser.add_argument("-o", "--out", type=Path, help="JSON file")
     options = parser.parse_args()
     print("| measured | old, s | new, s | times faster | by processor seconds |")
@@ -263,7 +283,7 @@ def main() -> None:
             name: Side(Path(folder) / name, getattr(options, name), options.device)
             for name in SIDES
         }
-        rows = list(compare(sides, options))
+        rows = [row for part in options.only or PARTS for row in PARTS[part](sides, options)]
     if options.out:
         options.out.write_text(json.dumps({"command": sys.argv, "rows": rows}, indent=2) + "\n")
 
