@@ -142,7 +142,7 @@ def test_scratch_memory_is_bounded_by_the_chunk(device, rng):
         assert memory.total_bytes == held
         n = curves.n_segments // (1 if chunk_segments == ONE_CHUNK else 64)
         scratch = sum(BUFFERS.values()) * n
-        without_offsets = held - memory.bytes["strand offsets"]
+        without_offsets = held - memory.bytes["strands"]
         assert without_offsets + 0.95 * scratch < memory.peak_bytes < held + 1.1 * scratch
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from furcl.device import layout, program
 from furcl.device.features import Features
-from furcl.device.launch import grid
+from furcl.device.launch import grid, path_defines
 from furcl.device.memory import Memory
 from furcl.rendering.film import Film
 
@@ -27,7 +27,9 @@ def _add(device, memory, film, values, first_sample):
         channels, -1
     )
     state = planes.reshape(len(names), -1, layout.STATE_BLOCK).swapaxes(0, 1)
-    kernel = cl.Kernel(program.build(device, "stages/film.cl", features), "add_to_film")
+    kernel = cl.Kernel(
+        program.build(device, "stages/film.cl", features, path_defines(device)), "add_to_film"
+    )
     local = Memory(device)
     kernel(
         device.queue, *grid(n_pixels), local.upload("state", state), film.sums,
