@@ -1,6 +1,6 @@
 """What a fibre model is to everything outside it, and the models by name.
 
-A model is one device header (kernels/include/fibre/<model>/bcsdf.clh says what it defines), this
+A model is one device header (kernels/include/fibre/material.clh says what it defines), this
 description of it, a float64 reference written apart, and a page of docs. Materials, the renderer,
 the probe and the benchmarks know models through it alone.
 """
