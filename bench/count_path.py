@@ -78,7 +78,7 @@ class Count:
 def count(scene: str = SCENE, device: str | Device | None = None) -> Count:
     """What the paths of a scene pass."""
     renderer = Renderer(load_scene(scene, size=PIXELS, overrides=LIGHT), device)
-    kernels = {f for text in renderer.wavefront.stage_texts().values() for f in _files_of(text)}
+    kernels = {f for text in renderer.wavefront.texts() for f in _files_of(text)}
     return Count(_lines(kernels), _lines(_files_that_run(lambda: renderer.advance(1))))
 
 

@@ -2,6 +2,17 @@
 
 from furcl.scene.read import decode_scene
 
+MINIMAL = {
+    "fibre": {"preset": "human-black"},
+    "environment": {"kind": "constant"},
+    "curves": {"generator": "fibre"},
+}
+
+
+def minimal(**tables):
+    """The smallest document of a scene, with tables replaced or added."""
+    return {**MINIMAL, **tables}
+
 
 def fur_patch(fibre=None, **render):
     """A patch of fur in a sky, 24 x 16 pixels."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_lines import run
 
 from furcl.cli import main
 from furcl.device.choice import Device
@@ -32,14 +33,6 @@ radiance = [1.0, 1.0, 1.0]
 [curves]
 file = "groom.npz"
 """
-
-
-def run(*arguments: object) -> int:
-    """Run a command line; its exit code."""
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    code = ended.value.code
-    return code if isinstance(code, int) else int(code is not None)
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_lines import run
 
 from furcl.bench.intersect import groom_and_camera
 from furcl.cli import command, main
@@ -20,14 +21,6 @@ EXAMPLE = Path(__file__).parents[1] / "bench" / "samplers" / "lobe_cdf.clh"
 
 # Options that mean something else by command: a picture or a folder; one value or a list.
 OF_SEVERAL_MEANINGS = {"--output", "--spp", "--sampling", "--size", "--runs"}
-
-
-def run(*arguments: object) -> int:
-    """Run a command line; its exit code."""
-    with pytest.raises(SystemExit) as ended:
-        main([str(argument) for argument in arguments])
-    code = ended.value.code
-    return code if isinstance(code, int) else int(code is not None)
 
 
 def commands(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:

@@ -94,12 +94,6 @@ def test_no_device_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
         open_device()
 
 
-def test_device_facts(device: Device) -> None:
-    assert device.max_allocation_bytes >= 1 << 27
-    assert device.name
-    assert device.driver_version
-
-
 def test_selftest_passes(device: Device) -> None:
     selftest.run(device)
 

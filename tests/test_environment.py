@@ -178,6 +178,7 @@ def test_light_by_sampling_is_light_by_quadrature(name, rng):
     error = values.std() / math.sqrt(len(values))
     expected = SphereBins(8, 16).integrals(lambda d: environment.radiance(d)[:, 1], 120).sum()
     assert abs(values.mean() - expected) < 4.0 * error + 1e-3 * expected
+    assert abs(1.02 * values.mean() - expected) > 4.0 * error + 1e-3 * expected
 
 
 @pytest.mark.parametrize("bright", [(0, 0), (7, 15), (3, 0), (4, 9)])

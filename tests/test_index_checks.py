@@ -153,7 +153,7 @@ def test_release_builds_hold_no_checks(device, light_picture, monkeypatch):
     found = {}
     for debug in ("0", "1"):
         monkeypatch.setenv("FURCL_DEBUG", debug)
-        texts = Renderer(light_picture, device).wavefront.stage_texts().values()
+        texts = Renderer(light_picture, device).wavefront.texts()
         seen = "\n".join(preprocessed(text) for text in texts)
         found[debug] = len(re.findall(r"checked_index|recorded?\(|CHECK|FURCL_", seen))
     assert found["0"] == 0

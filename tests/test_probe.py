@@ -9,6 +9,7 @@ from model_checks import (
     check_weights_are_value_over_density,
     directions,
 )
+from offset_cells import wo_at
 
 from furcl import bcsdf
 from furcl.rendering.probe import Probe
@@ -63,16 +64,20 @@ def test_weight_is_value_over_pdf(device, rng, seed, name, sampling):
 
 
 @pytest.mark.parametrize("name", FIBRES)
-def test_full_cdf_weights_are_flat(device, rng, name):
-    """All that is left in the weight is A_p(h) over its bin mean and the colours."""
-    fibre = FIBRES[name]
-    probe = Probe(fibre, device=device)
-    theta = np.deg2rad(30)
-    wo = np.array([np.sin(theta), np.cos(theta), 0])
-    _, _, _, weight, _ = probe.sample(wo, n=N, seed=5)
-    scalar = weight.mean(axis=1)
-    colours = max(1.0, (weight.max(axis=1) / np.maximum(scalar, 1e-30)).max())
-    assert scalar.max() < 3.0 * scalar.mean() * colours
+def test_full_cdf_weights_are_flat(device, name):
+    """All that is left in the weight is A_p(h) over its bin mean and the colours: measured at most
+    1.63 of the mean, and 1.005 of its square. Directions that are drawn evenly leave more, where a
+    medulla scatters: at least 2.5."""
+    weights = {
+        sampling: Probe(FIBRES[name], sampling=sampling, device=device)
+        .sample(wo_at(np.deg2rad(30)), n=N, seed=5)[3]
+        .mean(axis=1, dtype=np.float64)
+        for sampling in ("full-cdf", "attenuation-cdf")
+    }
+    flat, uneven = (w / w.mean() for w in weights.values())
+    assert flat.max() < 1.8
+    assert np.mean(flat**2) < 1.01
+    assert FIBRES[name].sigma_ms == 0.0 or uneven.max() > 2.2
 
 
 @pytest.mark.statistical

@@ -55,6 +55,7 @@ def test_unscattered_lobes_follow_the_reference(device, seed, beta_m, beta_n, th
             continue
         u_phi = _wrapped_normal_cdf(phi[mine] - geometry.Phi(p)[mine], beta_n * np.sqrt(p + 1))
         assert _uniform_p(u_phi) > level
+        assert mine.sum() < 10_000 or _uniform_p(u_phi**1.1) < level, "azimuths bent by 10 %"
         if beta_m >= 0.02 and theta_deg < 80:  # float32 directions resolve the lobe
             u_s = _longitudinal_cdf(fibre, p, theta, phi[mine], wi[mine, 0].astype(np.float64))
             assert _uniform_p(u_s) > level

@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from scene_documents import minimal
 
 from furcl.errors import SceneError
 from furcl.fibre.double_cylinder.parameters import Fibre
@@ -25,7 +26,7 @@ from furcl.surface.ellipsoid import Body
 SCENES = Path(__file__).parents[1] / "scenes"
 NAMES = sorted(path.stem for path in SCENES.glob("*.toml") if path.stem != "groom")
 
-MINIMAL = """
+TEXT = """
 [fibre]
 preset = "human-black"
 
@@ -37,20 +38,10 @@ generator = "fibre"
 """
 
 
-def document(**tables):
-    """The minimal scene with tables replaced."""
-    base = {
-        "fibre": {"preset": "human-black"},
-        "environment": {"kind": "constant"},
-        "curves": {"generator": "fibre"},
-    }
-    return {**base, **tables}
-
-
 @pytest.fixture
 def scene_file(tmp_path):
     path = tmp_path / "tiny.toml"
-    path.write_text(MINIMAL)
+    path.write_text(TEXT)
     return path
 
 
@@ -126,7 +117,7 @@ def test_scenes_that_come_with_furcl_are_found_by_name(tmp_path, monkeypatch):
     assert load_scene("black_hair", spp=1) == load_scene(SCENES / "black_hair.toml", spp=1)
     assert find_scene("black_hair.toml") == SCENES / "black_hair.toml"
     assert find_scene("extreme/opaque") == Path("extreme/opaque")  # a path is a path
-    (tmp_path / "black_hair").write_text(MINIMAL)  # a file of that name is preferred
+    (tmp_path / "black_hair").write_text(TEXT)  # a file of that name is preferred
     assert load_scene("black_hair").curves.__struct_config__.tag == "fibre"
     with pytest.raises(SceneError, match="did you mean white_hair, which comes with furcl"):
         load_scene("white_hare")
@@ -150,7 +141,7 @@ def test_files_are_relative_to_the_scene_or_the_current_folder(groom_file, tmp_p
     folder = tmp_path / "scenes"
     folder.mkdir()
     path = folder / "a.toml"
-    path.write_text(MINIMAL.replace('generator = "fibre"', 'file = "../two.npz"'))
+    path.write_text(TEXT.replace('generator = "fibre"', 'file = "../two.npz"'))
     scene = load_scene(path)
     assert scene.build_curves().n_strands == 2
     monkeypatch.chdir(tmp_path)
@@ -162,14 +153,14 @@ def test_files_are_relative_to_the_scene_or_the_current_folder(groom_file, tmp_p
 
 def test_y_up_grooms_are_turned(groom_file):
     curves = {"generator": "file", "file": str(groom_file), "radius_scale": 2.0, "up_axis": "y"}
-    turned = decode_scene(document(curves=curves)).build_curves()
+    turned = decode_scene(minimal(curves=curves)).build_curves()
     np.testing.assert_allclose(turned.points[[1, 3]], [[0, 0, 1], [1, -3, 2]])
     np.testing.assert_allclose(turned.radii, [0.2, 0.2, 0.4, 0.4])
 
 
 def test_generators_get_their_parameters():
     curves = {"generator": "fur", "n_strands": 50, "length": 0.1, "seed": 5, "comb": [1, 0, 0]}
-    found = decode_scene(document(curves=curves)).build_curves()
+    found = decode_scene(minimal(curves=curves)).build_curves()
     expected = grow.fur(n_strands=50, length=0.1, seed=5, comb=(1.0, 0.0, 0.0))
     assert np.array_equal(found.points, expected.points)
 
@@ -178,7 +169,7 @@ def test_generators_get_their_parameters():
 def test_every_parameter_of_a_generator_is_a_key(generator):
     parameters = grow.GENERATORS[generator].__kwdefaults__ or {}
     table = {k: list(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
-    scene = decode_scene(document(curves={"generator": generator, **table}))
+    scene = decode_scene(minimal(curves={"generator": generator, **table}))
     assert {k: getattr(scene.curves, k) for k in parameters} == parameters
 
 
@@ -199,11 +190,11 @@ def test_every_parameter_of_a_generator_is_a_key(generator):
     ],
 )
 def test_colours_of_fibres(table, sigma_ca):
-    assert decode_scene(document(fibre=table)).build_fibre().sigma_ca == pytest.approx(sigma_ca)
+    assert decode_scene(minimal(fibre=table)).build_fibre().sigma_ca == pytest.approx(sigma_ca)
 
 
 def test_fibre_parameters_replace_those_of_the_preset():
-    fibre = decode_scene(document(fibre={"preset": "raccoon", "kappa": 0.5})).build_fibre()
+    fibre = decode_scene(minimal(fibre={"preset": "raccoon", "kappa": 0.5})).build_fibre()
     assert fibre == Fibre.preset("raccoon", kappa=0.5)
 
 
@@ -295,7 +286,7 @@ BAD = [
 @pytest.mark.parametrize(("tables", "message"), BAD, ids=[m for _, m in BAD])
 def test_bad_values_are_refused_by_name(tables, message):
     with pytest.raises(SceneError) as caught:
-        decode_scene(document(**tables), "a.toml")
+        decode_scene(minimal(**tables), "a.toml")
     assert str(caught.value).startswith("a.toml: ")
     assert message in str(caught.value)
 
@@ -303,7 +294,7 @@ def test_bad_values_are_refused_by_name(tables, message):
 @pytest.mark.parametrize("table", ["fibre", "environment", "curves"])
 def test_missing_tables(table):
     with pytest.raises(SceneError, match=f"a.toml: {table} is missing; add it"):
-        decode_scene({k: v for k, v in document().items() if k != table}, "a.toml")
+        decode_scene({k: v for k, v in minimal().items() if k != table}, "a.toml")
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from msgspec import Meta
+from scene_documents import MINIMAL
 
 from furcl.errors import GroomError, SceneError
 from furcl.groom import kinds
@@ -18,12 +19,6 @@ from furcl.groom.tables import BUILT_IN, CurvesTable
 from furcl.scene import tables
 from furcl.scene.read import decode_scene, load_scene, with_overrides
 from furcl.table import Table
-
-DOCUMENT = {
-    "fibre": {"preset": "human-black"},
-    "environment": {"kind": "constant"},
-    "curves": {"generator": "fibre"},
-}
 
 
 class Ladder(CurvesTable, frozen=True, kw_only=True, tag="ladder"):
@@ -106,7 +101,7 @@ def test_scenes_take_what_is_registered(registered, tmp_path):
     ],
 )
 def test_they_are_checked_as_strictly(registered, changes, message):
-    scene = decode_scene(DOCUMENT)
+    scene = decode_scene(MINIMAL)
     with pytest.raises(SceneError) as caught:
         with_overrides(scene, changes)
     assert message in str(caught.value)
@@ -114,7 +109,7 @@ def test_they_are_checked_as_strictly(registered, changes, message):
 
 def test_without_registration_they_are_unknown():
     with pytest.raises(SceneError, match="'ladder': allowed are file, hair, fur, fibre"):
-        decode_scene({**DOCUMENT, "curves": {"generator": "ladder"}})
+        decode_scene({**MINIMAL, "curves": {"generator": "ladder"}})
 
 
 def test_bad_registrations_of_generators():
@@ -134,7 +129,7 @@ def test_bad_registrations_of_generators():
 
 @pytest.mark.parametrize("curves", [name for name in BUILT_IN if name != "file"])
 def test_scenes_are_pickled_with_any_groom(curves):
-    scene = decode_scene({**DOCUMENT, "curves": {"generator": curves}})
+    scene = decode_scene({**MINIMAL, "curves": {"generator": curves}})
     again = pickle.loads(pickle.dumps(scene))
     assert again == scene
     assert again.build_fibre() == scene.build_fibre()

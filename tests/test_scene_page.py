@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import make_scene
 import pytest
 from msgspec import Meta
+from scene_documents import MINIMAL
 
 from furcl.errors import SceneError
 from furcl.scene.overrides import apply_overrides
@@ -17,11 +18,6 @@ from furcl.table import Table
 # While nothing but furcl's own kinds is registered.
 PAGE = make_scene.page()
 SECTIONS = {section.heading: section for section in make_scene.sections()}
-MINIMAL = {
-    "fibre": {"preset": "human-black"},
-    "environment": {"kind": "constant"},
-    "curves": {"generator": "fibre"},
-}
 RANGES = [
     (section, key)
     for section in SECTIONS.values()

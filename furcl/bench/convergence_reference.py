@@ -56,7 +56,7 @@ def digest(*parts: object) -> str:
 
 def kernel_digest(renderer: Renderer) -> str:
     """A hash of the texts of all stages as a renderer has compiled them."""
-    return digest(*sorted(renderer.wavefront.stage_texts().values()))
+    return digest(*renderer.wavefront.texts())
 
 
 def scene_digest(scene: Scene) -> str:

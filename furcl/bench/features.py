@@ -122,7 +122,7 @@ def preprocessed(source: str) -> str:
 
 def source_bytes(renderer: Renderer) -> int:
     """Bytes of the preprocessed texts of all stages."""
-    texts = set(renderer.wavefront.stage_texts().values())
+    texts = renderer.wavefront.texts()
     return sum(len(preprocessed(text)) for text in texts)
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import logging
 import os
+import re
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pyopencl as cl
@@ -31,9 +32,12 @@ _lock = threading.Lock()
 
 
 def build(
-    device: Device, name: str, features: Features, extra: Mapping[str, int] | None = None
+    device: Device,
+    names: str | Sequence[str],
+    features: Features,
+    extra: Mapping[str, int] | None = None,
 ) -> cl.Program:
-    """Build kernels/`name` for `features` on a device.
+    """Build one program of files in kernels/, for `features` on a device.
 
     The same text on the same device is built once while it is among the last KEPT_PROGRAMS that
     were used. Between processes a cache serves, keyed by the whole text: the runtime's own or
@@ -43,13 +47,14 @@ def build(
     ------
     KernelBuildError    with the compiler's log, the features and where the text is
     """
-    text = kernel_text(name, features, extra)
+    text = kernel_text(names, features, extra)
     key = (device.context, text)
     with _lock:
         if key in _programs:
             _programs.move_to_end(key)
             return _programs[key]
-    program = _build(device, name, text, features)
+    label = names if isinstance(names, str) else ", ".join(names)
+    program = _build(device, label, text, features)
     with _lock:
         _programs[key] = program
         while len(_programs) > KEPT_PROGRAMS:
@@ -68,7 +73,7 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
     digest = hashlib.sha256(text.encode()).hexdigest()[:12]
     if dump:
         Path(dump).mkdir(parents=True, exist_ok=True)
-        (Path(dump) / f"{name.replace('/', '.')}.{digest}.cl").write_text(text)
+        (Path(dump) / f"{re.sub(r'[/, ]+', '.', name)}.{digest}.cl").write_text(text)
     start = time.perf_counter()
     path = kernel_cache.binary_path(device, text, OPTIONS)
     try:

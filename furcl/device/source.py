@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from furcl.device import layout
@@ -14,8 +14,8 @@ from furcl.paths import kernel_folder
 _INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<(\w+)>)\s*$')
 
 
-def expand(name: str, features: Features, folder: Path | None = None) -> str:
-    """The text of a kernel file with every #include replaced by what it names.
+def expand(names: str | Sequence[str], features: Features, folder: Path | None = None) -> str:
+    """The text of kernel files, one after the other, with every #include replaced by what it names.
 
     `#include "a/b.clh"` is sought beside the file that asks for it, then in the folder of the
     kernels and in its include folder; `#include <light>` is the header of that part of `features`,
@@ -70,10 +70,13 @@ def expand(name: str, features: Features, folder: Path | None = None) -> str:
             lines.append(f'#line {number + 1} "{label}"')
         return lines
 
-    start = find(name, None)
-    if start is None:
-        raise KernelBuildError(f"{name} is not found in {folder}; check the spelling")
-    return "\n".join(walk(start, name)) + "\n"
+    lines = []
+    for name in [names] if isinstance(names, str) else names:
+        start = find(name, None)
+        if start is None:
+            raise KernelBuildError(f"{name} is not found in {folder}; check the spelling")
+        lines += walk(start, name)
+    return "\n".join(lines) + "\n"
 
 
 def _label(path: Path, bases: tuple[Path, ...]) -> str:
@@ -84,7 +87,9 @@ def _label(path: Path, bases: tuple[Path, ...]) -> str:
     return path.name
 
 
-def kernel_text(name: str, features: Features, extra: Mapping[str, int] | None = None) -> str:
+def kernel_text(
+    names: str | Sequence[str], features: Features, extra: Mapping[str, int] | None = None
+) -> str:
     """Declarations followed by the expanded text: all that decides what a kernel does."""
-    text = expand(name, features)
+    text = expand(names, features)
     return layout.declarations(text, features, extra) + text

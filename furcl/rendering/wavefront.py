@@ -27,6 +27,7 @@ from furcl.fibre.material import FibreMaterial
 from furcl.rendering.film import Film
 
 RAY_STAGES = ("intersect_closest", "intersect_shadow")
+MATERIAL_STAGES = ("sample_lobe_h", "shade")
 QUEUE_STAGES = ("shade_escaped", "sample_lobe_h", "shade", "shade_surface")
 
 
@@ -45,6 +46,17 @@ def stage_files(features: Features) -> dict[str, str]:
     if features.light_sampling:
         files["intersect_shadow"] = "stages/intersect.cl"
     return files
+
+
+def stage_programs(features: Features) -> list[list[str]]:
+    """Stages that are compiled together: every program costs a start some time, however small.
+
+    Those of rays; those of the fibre's material, which have its features; the rest.
+    """
+    stages = list(stage_files(features))
+    groups = (RAY_STAGES, MATERIAL_STAGES)
+    rest = [s for s in stages if not any(s in group for group in groups)]
+    return [*([s for s in stages if s in group] for group in groups), rest]
 
 
 def stage_defines(stage: str, device: Device) -> dict[str, int]:
@@ -157,28 +169,27 @@ class Wavefront:
         self.geometry = no_geometry(memory)
         self._warm_up()
 
-    def stage_features(self, stage: str) -> Features:
-        """What a stage is built with."""
-        of_material = ("sample_lobe_h", "shade")
-        return self.material.features if stage in of_material else self.features
+    def _program(self, stages: list[str]) -> tuple[list[str], Features, dict[str, int]]:
+        """Files, features and defines of stages that are compiled together."""
+        of_material = stages[0] in MATERIAL_STAGES
+        files = stage_files(self.features)
+        return (
+            list(dict.fromkeys(files[stage] for stage in stages)),
+            self.material.features if of_material else self.features,
+            stage_defines(stages[0], self.memory.device),
+        )
 
-    def stage_texts(self) -> dict[str, str]:
-        """The text of every stage as it is compiled."""
-        device = self.memory.device
-        return {
-            stage: kernel_text(file, self.stage_features(stage), stage_defines(stage, device))
-            for stage, file in stage_files(self.features).items()
-        }
+    def texts(self) -> list[str]:
+        """The texts of all stages as they are compiled."""
+        return [kernel_text(*self._program(stages)) for stages in stage_programs(self.features)]
 
     def _build_stages(self) -> dict[str, Stage]:
         """Compile the kernels."""
-        device = self.memory.device
-        stages = {}
-        for stage, file in stage_files(self.features).items():
-            features = self.stage_features(stage)
-            built = program.build(device, file, features, stage_defines(stage, device))
-            stages[stage] = Stage(cl.Kernel(built, stage))
-        return stages
+        kernels = {}
+        for stages in stage_programs(self.features):
+            built = program.build(self.memory.device, *self._program(stages))
+            kernels |= {stage: Stage(cl.Kernel(built, stage)) for stage in stages}
+        return kernels
 
     def place(self, geometry: list[cl.Buffer]) -> None:
         """Set the tree that rays are sent through: what furcl.bvh.build.Bvh.arguments returns."""
