@@ -1,19 +1,22 @@
-# make demo | test | debug-render | lint | types | imports | docs | lock | clean. Each sets up what it needs in .venv.
+# make demo | test | test-slow | debug-render | lint | types | imports | docs | lock | clean. Each sets up what it needs in .venv.
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := --size 384x384 --spp 32 --time-limit 50
 DEBUG_SCENES := red_fox extreme/bright_pixel
 
-.PHONY: demo test debug-render lint types imports docs lock clean setup
+.PHONY: demo test test-slow debug-render lint types imports docs lock clean setup
 .DEFAULT_GOAL := demo
 
 # Render black hair to out/black_hair.exr and out/black_hair.png, in less than a minute.
 demo: $(VENV)/.device
 	$(BIN)/furcl render scenes/black_hair.toml -o out/black_hair.exr $(DEMO)
 
-# Pass pytest's options by ARGS="-k device -x".
+# All tests but the slow ones, or the slow ones. Pass pytest's options by ARGS="-k device -x".
 test: $(VENV)/.device
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+test-slow: $(VENV)/.device
+	$(BIN)/python -m pytest -m slow $(ARGS)
 
 # Small renders with kernels that check their indices; an index outside its buffer is an error.
 debug-render: $(VENV)/.device
