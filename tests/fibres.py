@@ -12,7 +12,7 @@ FIBRES = {
         sigma_ms=2.0, sigma_ma=(0.0, 0.2, 1.0), g=-0.4, layers=1.3,
     ),
     "all medulla": Fibre(
-        kappa=1.0, sigma_ms=8.0, sigma_ma=(0.1, 0.1, 0.1), g=0.8, layers=0.5, beta_m_deg=40,
+        kappa=1.0, sigma_ms=2.0, sigma_ma=(0.1, 0.1, 0.1), g=0.6, layers=0.5, beta_m_deg=40,
         beta_n_deg=60,
     ),
 }  # fmt: skip

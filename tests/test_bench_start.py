@@ -11,6 +11,7 @@ from furcl.paths import scene_folder
 SMALL = ["curves.length=1.0"]
 
 
+@pytest.mark.slow
 def test_cold_and_warm_runs_are_told_apart(device, tmp_path):
     results = bench.run(
         scene_folder() / "single_fibre.toml",

@@ -125,6 +125,7 @@ def test_every_reachable_pair_is_in_the_matrix():
             assert not _reachable(candidate), f"{a}={u} with {b}={v} is reachable but not covered"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", range(len(ROWS)))
 def test_compile_matrix(device, row):
     """All stages compile without a warning (-Werror)."""

@@ -168,8 +168,12 @@ def test_max_depth_limits_scattering(device):
     assert deep.rgb.mean() > image.rgb.mean()
 
 
+# Weights that spread take long paths and many samples.
+SLOWLY = pytest.param("attenuation-cdf", 0.5, marks=pytest.mark.slow)
+
+
 @pytest.mark.statistical
-@pytest.mark.parametrize(("sampling", "sigma_ca"), [("attenuation-cdf", 0.5), ("full-cdf", 0.03)])
+@pytest.mark.parametrize(("sampling", "sigma_ca"), [SLOWLY, ("full-cdf", 0.03)])
 def test_white_fur_vanishes_in_a_furnace(device, seed, sampling, sigma_ca):
     """Nothing absorbs and the residual lobe closes the energy: the picture's mean is 1 within 4
     standard errors. Mutant: a cortex that absorbs."""

@@ -316,6 +316,7 @@ def test_rows_add_up():
     assert (one.points, one.nan, one.inf, one.excess, one.worst) == (7, 1, 1, 0.7, {"h": 2})
 
 
+@pytest.mark.slow
 def test_results_report_and_replay(device, tmp_path):
     from furcl.report.stability import write_report
 

@@ -28,6 +28,7 @@ def compared(device):
     return lambda path: stability_renders.render_row(path, device, spp=256, paths=2000)
 
 
+@pytest.mark.slow
 @pytest.mark.statistical
 @pytest.mark.parametrize("path", COMPARED, ids=lambda path: path.stem)
 def test_extreme_scenes(compared, path):
@@ -39,6 +40,7 @@ def test_extreme_scenes(compared, path):
     assert row["p"] > LEVEL
 
 
+@pytest.mark.slow
 @pytest.mark.statistical
 @pytest.mark.parametrize("path", COMPARED, ids=lambda path: path.stem)
 def test_a_host_in_other_light_is_seen(compared, monkeypatch, path):
