@@ -1,8 +1,9 @@
-"""Where furcl's own files are: kernels, the scenes that come with it, and its cache."""
+"""Where furcl's own files are: kernels, the scenes that come with it, its cache, and its Python."""
 
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import platformdirs
@@ -26,3 +27,11 @@ def scene_folder() -> Path:
 def cache_folder() -> Path:
     """The folder for what can be computed again: FURCL_CACHE_DIR or the user's cache folder."""
     return Path(os.environ.get("FURCL_CACHE_DIR") or platformdirs.user_cache_dir("furcl"))
+
+
+def python_command(*arguments: str) -> list[str]:
+    """A command that runs this Python, and no module that lies in the working folder.
+
+    That folder may be a downloaded scene's, with a file numpy.py in it.
+    """
+    return [sys.executable, "-P", *arguments]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import furcl
 from furcl.device import choice as device_module
 from furcl.device import program, selftest, verdict
 from furcl.device.choice import Candidate, Device, choose, match, open_device
@@ -227,3 +229,19 @@ def test_verdict_is_asked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("FURCL_CACHE_DIR", os.devnull)
     verdict.of("0:0", "driver 2")
     assert count() == 6
+
+
+def test_modules_of_the_working_folder_are_not_run(tmp_path: Path) -> None:
+    """A scene's folder may hold a numpy.py; the self-test runs in a process of its own."""
+    for name in ("numpy", "pyopencl", "json"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w').close()\nraise SystemExit(5)\n")
+    command = Path(sys.executable).with_name("furcl")
+    environment = {
+        **os.environ,
+        "FURCL_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": str(Path(furcl.__file__).parents[1]),
+    }
+    done = subprocess.run([command, "devices"], cwd=tmp_path, env=environment, capture_output=True)
+    assert done.returncode == 0
+    assert list((tmp_path / "cache" / "selftest").iterdir())
+    assert not (tmp_path / "ran").exists()

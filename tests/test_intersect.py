@@ -162,7 +162,7 @@ def test_short_segments_of_strands(device, rng):
     """Segments a thousand times shorter than the radius leave no holes and make no hits up."""
     points = np.cumsum(1e-5 * unit(rng.standard_normal((100, 40, 3)) + 1.0), axis=1)
     curves = strands(points + rng.random((100, 1, 3)), 0.01)
-    rays = rays_at(rng, curves, 4000)
+    rays = rays_at(rng, curves, 1500)
     assert agreeing_hits(device, curves, rays, 1e-4, 0.95, 1e-4) > 0.01
 
 

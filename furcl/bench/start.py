@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterable
@@ -17,6 +16,7 @@ import numpy as np
 from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import open_device
 from furcl.errors import FurclError
+from furcl.paths import python_command
 from furcl.rendering.renderer import FIRST_SAMPLES
 
 # Folders that furcl and what it uses keep between processes.
@@ -63,10 +63,10 @@ def run(
     arguments = ["--size", size, "--spp", "1", *extra, *(["--device", device] if device else [])]
     with tempfile.TemporaryDirectory() as folder:
         environment = _environment(Path(folder) / "caches")
-        command = [sys.executable, "-m", "furcl", "-v", "render", os.fspath(scene), *arguments]
+        command = python_command("-m", "furcl", "-v", "render", os.fspath(scene), *arguments)
         runs = [_time(command, Path(folder), environment) for _ in range(1 + warm_runs)]
         largest = _print_of(
-            [sys.executable, "-c", _COMPILE_EVERYTHING, os.fspath(scene), device or ""],
+            python_command("-c", _COMPILE_EVERYTHING, os.fspath(scene), device or ""),
             _environment(Path(folder) / "other caches"),
         )
         imports = [_import_seconds(environment) for _ in range(warm_runs)]
@@ -120,7 +120,7 @@ def _time(command: list[str], folder: Path, environment: dict[str, str]) -> dict
 def _import_seconds(environment: dict[str, str]) -> float:
     clock = "import time; start = time.perf_counter(); import furcl; "
     return float(
-        _print_of([sys.executable, "-c", clock + "print(time.perf_counter() - start)"], environment)
+        _print_of(python_command("-c", clock + "print(time.perf_counter() - start)"), environment)
     )
 
 

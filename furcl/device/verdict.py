@@ -11,14 +11,13 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from furcl.device.features import Features
 from furcl.device.source import kernel_text
 from furcl.files import write_cache
-from furcl.paths import cache_folder
+from furcl.paths import cache_folder, python_command
 
 TIMEOUT_S = 180.0
 EXIT_FAILED = 10  # a self-test that ran and failed ends with this code
@@ -79,7 +78,7 @@ def _text_hash() -> str:
 
 
 def _run(address: str) -> Verdict:
-    command = [sys.executable, "-m", "furcl.device.selftest", address]
+    command = python_command("-m", "furcl.device.selftest", address)
     folders = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, folders))}
     try:

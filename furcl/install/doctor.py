@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from furcl.install import provision
-from furcl.paths import cache_folder, kernel_folder
+from furcl.paths import cache_folder, kernel_folder, python_command
 
 SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 PROVISION = "python -m furcl.install.provision"
@@ -124,7 +124,7 @@ def _check_runtimes() -> Iterator[Finding]:
 def _check_devices() -> Iterator[Finding]:
     # A runtime that ends the process when asked for its devices must not end the doctor.
     count = "import pyopencl as cl; print([len(p.get_devices()) for p in cl.get_platforms()])"
-    done = subprocess.run([sys.executable, "-c", count], capture_output=True, text=True)
+    done = subprocess.run(python_command("-c", count), capture_output=True, text=True)
     if done.returncode < 0:
         found = f"asking for the devices ends the process with signal {-done.returncode}"
         yield Finding("error", "OpenCL", found, "remove the runtime listed last above")

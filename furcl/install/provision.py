@@ -21,6 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from furcl.errors import FurclError
+from furcl.paths import python_command
 
 LOCKS = Path(__file__).parent / "runtimes"
 DEBIAN_PACKAGE = "pocl-opencl-icd"
@@ -61,7 +62,7 @@ def _run(*command: str) -> None:
 def _pip(*arguments: str) -> None:
     if sys.prefix == sys.base_prefix:
         raise StepImpossibleError("wheels are installed into a virtual environment only")
-    _run(sys.executable, "-m", "pip", *arguments)
+    _run(*python_command("-m", "pip", *arguments))
 
 
 def _install_lock(name: str) -> None:
@@ -151,7 +152,7 @@ STEPS = (
 def devices_usable() -> bool:
     """Print the devices, in a new process that sees new ones; True if one passes the self-test."""
     environment = {k: v for k, v in os.environ.items() if k != "FURCL_DEVICE"}
-    command = [sys.executable, "-c", "from furcl.cli import main; main(['devices'])"]
+    command = python_command("-c", "from furcl.cli import main; main(['devices'])")
     return subprocess.run(command, env=environment).returncode == 0
 
 
