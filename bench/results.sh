@@ -2,7 +2,7 @@
 # The runs behind docs/: all kinds, or those named, one after the other on a quiet machine.
 #     bash bench/results.sh [KIND...] [--device D] [--quick]
 # Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
-#     intersect 3   stages 1   convergence 13   features 3   start 1   stability 2   peers 1
+#     intersect 3   stages 1   convergence 13   features 3   start 1   stability 6   peers 1
 #     fibre_truth 3   medulla_tables 2   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
@@ -98,7 +98,7 @@ start() { # time to first samples
 }
 
 stability() { # float32 at all edges
-    run stability "" --quick $(pick "" "--points 2000 --no-renders")
+    run stability "" $(pick "--points 1000000" "--quick --points 2000 --no-renders")
 }
 
 peers() { # the grooms that other renderers were measured on
