@@ -120,6 +120,7 @@ MUTANTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mutant", MUTANTS)
 def test_mutants_are_seen(device: Device, monkeypatch: pytest.MonkeyPatch, mutant: str) -> None:
     """Kernels with a typical mistake in their text."""

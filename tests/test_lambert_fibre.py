@@ -1,8 +1,5 @@
 """A fibre model from outside furcl passes what the double cylinder does, through the same code."""
 
-import dataclasses
-import pickle
-
 import numpy as np
 import pytest
 from direction_statistics import sidak
@@ -11,6 +8,7 @@ from lambert_fibre import (
     Lambert,
     LambertFeatures,
     LambertFibre,
+    document,
     reference,
     registered_lambert,
 )
@@ -20,7 +18,6 @@ from model_checks import (
     check_error_falls_as_monte_carlo_does,
     check_mean_weight,
     check_picture_shows_albedo,
-    check_reference,
     check_same_light_in_the_same_directions,
     check_samples_follow_their_density,
     check_sweep,
@@ -35,8 +32,6 @@ import furcl
 from furcl.bench import convergence, stability
 from furcl.bench.convergence_plan import Plan
 from furcl.bench.stability_compare import Comparison
-from furcl.device.features import Features
-from furcl.errors import FibreError, SceneError
 from furcl.fibre import model as models
 from furcl.fibre import samplers
 from furcl.paths import kernel_folder
@@ -53,65 +48,6 @@ LEVEL = sidak(len(SAMPLERS) * len(THETAS_DEG))
 def registered():
     with registered_lambert():
         yield
-
-
-def document(fibre):
-    """A fibre as a table of a scene."""
-    return {"model": "lambert", **dataclasses.asdict(fibre)}
-
-
-# Registration -----------------------------------------------------------------------------------
-
-
-def test_it_is_known_while_it_is_registered():
-    assert models.names()[-1] == "lambert"
-    assert models.find("lambert") is MODEL
-    models.unregister("lambert")
-    with pytest.raises(FibreError, match=r"'lambert'.*models\.register adds one"):
-        models.find("lambert")
-    with pytest.raises(SceneError, match="lambert"):
-        fur_patch(WHITE)
-    models.register(MODEL)
-
-
-def test_names_of_furcl_are_kept():
-    class Taken(Lambert):
-        name = "double-cylinder"
-
-    with pytest.raises(FibreError, match="choose another"):
-        models.register(Taken())
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({"rim": 2.0}, r"fibre\.rim = 2\.0 - allowed is 0 to 1"),
-        ({"kappa": 0.5}, r"unknown key fibre\.kappa with model = 'lambert'"),
-    ],
-)
-def test_scenes_refuse_what_it_has_not(table, message):
-    with pytest.raises((SceneError, FibreError), match=message):
-        fur_patch({**WHITE, **table}).build_fibre()
-
-
-def test_a_scene_tells_its_fibre():
-    scene = fur_patch(document(COLOURED))
-    assert scene.build_fibre() == COLOURED
-    assert with_overrides(scene, ["fibre.rim=0.25"]).build_fibre().rim == 0.25
-    assert with_overrides(scene, ["fibre={model='double-cylinder', preset='raccoon'}"]).build_fibre(
-    ) == furcl.Fibre.preset("raccoon")  # fmt: skip
-
-
-def test_its_features_are_a_key():
-    """Two fibres that need the same text share it; what they need survives pickling."""
-    features = Features(fibre=MODEL.features(COLOURED))
-    assert pickle.loads(pickle.dumps(features)) == features
-    assert Features(fibre=MODEL.features(LambertFibre(rim=0.1))) == features
-    assert Features(fibre=MODEL.features(LambertFibre())) != features
-
-
-def test_its_reference_has_what_the_page_lists():
-    check_reference(reference)
 
 
 # Functions --------------------------------------------------------------------------------------

@@ -149,7 +149,7 @@ SCATTERING = "sample_lobe_h shade"
 @pytest.mark.parametrize(
     ("change", "recompiled", "kept"),
     [
-        ({"filter": "box"}, "generate", TRACING),
+        ({"filter": "box"}, "generate", f"{TRACING} sample_lobe_h shade add_to_film"),
         ({"lens": True}, "generate", TRACING),
         ({"variance": False}, "add_to_film", f"generate {TRACING} {SCATTERING} shade_surface"),
         ({"statistics": False}, "sample_lobe_h", f"generate {TRACING} shade add_to_film"),

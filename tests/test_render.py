@@ -124,7 +124,7 @@ def test_single_fibre_shows_its_albedo(device, seed, theta_deg, name, sampling):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("light_sampling", ["bcsdf", "mis"])
+@pytest.mark.parametrize("light_sampling", [pytest.param("bcsdf", marks=pytest.mark.slow), "mis"])
 @pytest.mark.parametrize("preset", ["human-black", "red-fox"])
 def test_samplers_agree(device, seed, preset, light_sampling):
     """Means over the picture of every sampler and light sampling against uniform-h alone."""

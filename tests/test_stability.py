@@ -39,12 +39,14 @@ def swept(device):
     return comparison.rows
 
 
+@pytest.mark.slow
 def test_sweep(swept):
     """Nothing is not finite or negative, errors are within the bars or the conditioning, energy is
     at most one, and values over densities are the weights of samples."""
     check_sweep(swept)
 
 
+@pytest.mark.slow
 def test_weights_are_within_the_ratios_of_a_bin(swept):
     """At most 2.8 times the energy that the tables share out (docs/model.md, Weights inside a bin),
     for every sampler; as sampled, and as float64 has it at all points. Without the peaks of the

@@ -8,7 +8,6 @@
    over     the pixels of the wave; a pixel adds its samples in their order, so the result does not
             depend on how a render is cut into waves
    next     generate of the next wave */
-#include "camera/camera.clh"
 #include "core/paths.clh"
 
 #define FILM_SPECTRA (FURCL_VARIANCE ? 4u : 2u)

@@ -1,5 +1,4 @@
 /* Stage 4 of surfaces. The next ray and the light sample of paths that met the surface. */
-#include "camera/camera.clh"
 #include "core/continue_path.clh"
 #include <surface>
 #include "surface/diffuse.clh"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -129,3 +129,8 @@ def registered_lambert() -> Iterator[FibreModel]:
         yield MODEL
     finally:
         models.unregister("lambert")
+
+
+def document(fibre: LambertFibre) -> dict[str, Any]:
+    """A fibre as a table of a scene."""
+    return {"model": "lambert", **asdict(fibre)}
