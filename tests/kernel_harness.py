@@ -28,7 +28,8 @@ def call(
 ) -> np.ndarray:
     """Evaluate an OpenCL expression of x, y, z, ... (float32 arrays of one shape) elementwise.
 
-    `before` is OpenCL text between the include and the kernel; `lanes` is FURCL_LANES.
+    `before` is OpenCL text between the include and the kernel; `lanes` is FURCL_LANES, and as many
+    paths are a work-item's.
 
     Returns (n,) float32.
     """
@@ -41,7 +42,8 @@ def call(
         f"\n{before}\n__kernel void call(const uint n, __global float* out, {parameters})\n"
         f"{{ const uint i = get_global_id(0); if (i >= n) return; {reads} out[i] = {expression}; }}"
     )
-    text = layout.declarations(text, chosen, {"FURCL_LANES": lanes}) + text
+    launch = {"FURCL_LANES": lanes, "FURCL_PATHS_PER_ITEM": lanes}
+    text = layout.declarations(text, chosen, launch) + text
     built = cl.Program(device.context, text).build(list(program.OPTIONS))
     memory = Memory(device)
     n = arrays[0].size

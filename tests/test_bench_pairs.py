@@ -1,11 +1,12 @@
 """Timing in turns, and intervals of medians."""
 
 import math
-import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from furcl.bench import pairs
 from furcl.bench.pairs import in_turns, median_interval
 
 RUNS = 4000
@@ -19,16 +20,21 @@ def test_actions_take_turns_forwards_and_backwards():
     assert all(took.wall.shape == took.cpu.shape == (3,) for took in found.values())
 
 
-def test_waiting_takes_wall_seconds_and_working_takes_both():
-    def work():
-        end = time.process_time() + 0.02
-        while time.process_time() < end:
-            pass
+def test_waiting_takes_wall_seconds_and_working_takes_both(monkeypatch):
+    """On clocks of its own: those of the process run on with the threads of other tests."""
+    now = {"wall": 100.0, "cpu": 7.0}
 
-    found = in_turns({"wait": lambda: time.sleep(0.02), "work": work}, 2)
-    assert (found["wait"].wall >= 0.02).all()
-    assert (found["wait"].cpu < 0.02).all()
-    assert (found["work"].cpu >= 0.02).all()
+    def spend(wall: float, cpu: float):
+        now["wall"] += wall
+        now["cpu"] += cpu
+
+    clocks = SimpleNamespace(perf_counter=lambda: now["wall"], process_time=lambda: now["cpu"])
+    monkeypatch.setattr(pairs, "time", clocks)
+    found = in_turns({"wait": lambda: spend(0.5, 0.0), "work": lambda: spend(0.25, 0.75)}, 2)
+    assert found["wait"].wall.tolist() == [0.5, 0.5]
+    assert found["wait"].cpu.tolist() == [0.0, 0.0]
+    assert found["work"].wall.tolist() == [0.25, 0.25]
+    assert found["work"].cpu.tolist() == [0.75, 0.75]
 
 
 def test_ends_are_values_of_the_sample():
