@@ -7,7 +7,6 @@ the probe and the benchmarks know models through it alone.
 
 from __future__ import annotations
 
-import difflib
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import numpy as np
 
 from furcl.device.layout import Fields
 from furcl.errors import FibreError
+from furcl.registry import Registry
 from furcl.table import Table
 
 if TYPE_CHECKING:
@@ -183,13 +183,15 @@ class FibreModel(ABC):
         return np.zeros(features.data_words, np.float32)
 
 
-_BUILT_IN = {"double-cylinder": "furcl.fibre.double_cylinder.model"}
-_registered: dict[str, FibreModel] = {}
+# furcl's own by their modules, which import this one.
+_models: Registry[FibreModel | str] = Registry(
+    "fibre model", FibreError, {"double-cylinder": "furcl.fibre.double_cylinder.model"}
+)
 
 
 def names() -> tuple[str, ...]:
     """All models that a scene can name, those of furcl first."""
-    return (*_BUILT_IN, *_registered)
+    return _models.names()
 
 
 def find(name: str) -> FibreModel:
@@ -199,15 +201,8 @@ def find(name: str) -> FibreModel:
     ------
     FibreError      unknown name, with those that are known
     """
-    if name in _registered:
-        return _registered[name]
-    if name in _BUILT_IN:
-        return import_module(_BUILT_IN[name]).MODEL
-    near = difflib.get_close_matches(name, names(), 1, 0.5)
-    raise FibreError(
-        f"fibre.model = {name!r}: allowed are {', '.join(names())}"
-        + (f"; did you mean {near[0]!r}?" if near else "; furcl.models.register adds one")
-    )
+    found = _models.find(name, f"fibre.model = {name!r}: allowed are", "furcl.models.register")
+    return import_module(found).MODEL if isinstance(found, str) else found
 
 
 def model_of(fibre: Any) -> FibreModel:
@@ -230,19 +225,12 @@ def register(model: FibreModel) -> FibreModel:
 
     Raises
     ------
-    FibreError      a name of furcl's own
+    FibreError      an empty name, or one of furcl's own
     """
-    if model.name in _BUILT_IN:
-        raise FibreError(
-            f"fibre model {model.name!r}: the name is one of furcl's own "
-            f"({', '.join(_BUILT_IN)}); choose another"
-        )
-    _registered[model.name] = model
+    _models.add(model.name, model)
     return model
 
 
 def unregister(name: str) -> None:
     """Forget a model of one's own; FibreError if there is none of that name."""
-    if name not in _registered:
-        raise FibreError(f"fibre model {name!r} was not registered; nothing to remove")
-    del _registered[name]
+    _models.remove(name)

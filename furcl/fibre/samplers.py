@@ -7,7 +7,6 @@ lobes that have profiles. docs/own_sampler.md has an example.
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any, Literal, get_args
 
 from furcl.errors import SamplerError
 from furcl.paths import kernel_folder
+from furcl.registry import Registry
 
 FUNCTIONS = ("joint_densities", "sample_lobe_and_offset")
 TABLE_FUNCTIONS = ("table_rows", "joint_density", "lobe_cdf", "bin_cdf")
@@ -77,18 +77,21 @@ class Sampler:
 
 
 _UNIFORM, _CDF = Path("samplers/uniform_h.clh"), Path("samplers/attenuation_cdf.clh")
-_BUILT_IN = {
-    "uniform-h": Sampler("uniform-h", _UNIFORM, False, "uniform"),
-    "attenuation-cdf": Sampler("attenuation-cdf", _CDF, True, "uniform"),
-    "full-cdf": Sampler("full-cdf", _CDF, True, "profile"),
-}
-BUILT_IN = tuple(_BUILT_IN)
-_registered = dict(_BUILT_IN)
+_samplers = Registry(
+    "sampler",
+    SamplerError,
+    {
+        "uniform-h": Sampler("uniform-h", _UNIFORM, False, "uniform"),
+        "attenuation-cdf": Sampler("attenuation-cdf", _CDF, True, "uniform"),
+        "full-cdf": Sampler("full-cdf", _CDF, True, "profile"),
+    },
+)
+BUILT_IN = _samplers.built_in
 
 
 def names() -> tuple[str, ...]:
     """All samplers that can be asked for, those of furcl first."""
-    return tuple(_registered)
+    return _samplers.names()
 
 
 def find(name: str) -> Sampler:
@@ -98,13 +101,7 @@ def find(name: str) -> Sampler:
     ------
     SamplerError    unknown name, with those that are known
     """
-    if name in _registered:
-        return _registered[name]
-    near = difflib.get_close_matches(name, _registered, 1, 0.5)
-    raise SamplerError(
-        f"sampling = {name!r}: allowed are {', '.join(_registered)}"
-        + (f"; did you mean {near[0]!r}?" if near else "; furcl.samplers.register adds one")
-    )
+    return _samplers.find(name, f"sampling = {name!r}: allowed are", "furcl.samplers.register")
 
 
 def register(
@@ -130,11 +127,7 @@ def register(
     SamplerError    a name of furcl's own, an unknown kind of angles, or a file that cannot be
                     read or lacks one of the functions
     """
-    if name in BUILT_IN or not name:
-        raise SamplerError(
-            f"sampler {name!r}: the name must not be empty or one of {', '.join(BUILT_IN)}; "
-            f"choose another"
-        )
+    _samplers.check_name(name)
     if scattered_angles not in get_args(Angles):
         raise SamplerError(
             f"sampler {name!r}: scattered_angles = {scattered_angles!r}; allowed are 'uniform' "
@@ -150,12 +143,11 @@ def register(
         )
     if needs_tables is None:
         needs_tables = not words.isdisjoint(TABLE_FUNCTIONS)
-    _registered[name] = Sampler(name, Path(clh).absolute(), needs_tables, scattered_angles)
-    return _registered[name]
+    sampler = Sampler(name, Path(clh).absolute(), needs_tables, scattered_angles)
+    _samplers.add(name, sampler)
+    return sampler
 
 
 def unregister(name: str) -> None:
     """Forget a sampler of one's own; SamplerError if there is none of that name."""
-    if name in BUILT_IN or name not in _registered:
-        raise SamplerError(f"sampler {name!r} was not registered; nothing to remove")
-    del _registered[name]
+    _samplers.remove(name)

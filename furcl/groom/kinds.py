@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from furcl.errors import GroomError
 from furcl.groom.tables import BUILT_IN, CurvesTable
+from furcl.registry import Registry
 
-_registered = dict(BUILT_IN)
+_generators = Registry("generator", GroomError, BUILT_IN)
 
 
 def tables() -> dict[str, type[CurvesTable]]:
     """Generator -> type of its table in scenes, those of furcl first."""
-    return dict(_registered)
+    return _generators.things()
 
 
 def register(table: type[CurvesTable]) -> type[CurvesTable]:
@@ -33,15 +34,10 @@ def register(table: type[CurvesTable]) -> type[CurvesTable]:
             f"{table.__name__}: is no table of a groom; declare it as class {table.__name__}"
             f'(CurvesTable, frozen=True, kw_only=True, tag="its name in scenes").'
         )
-    name = str(table.__struct_config__.tag)
-    if name in BUILT_IN:
-        raise GroomError(f"generator {name!r}: the name is one of furcl's own; choose another.")
-    _registered[name] = table
+    _generators.add(str(table.__struct_config__.tag), table)
     return table
 
 
 def unregister(name: str) -> None:
     """Forget a generator of one's own; GroomError if there is none of that name."""
-    if name in BUILT_IN or name not in _registered:
-        raise GroomError(f"generator {name!r} was not registered; nothing to remove.")
-    del _registered[name]
+    _generators.remove(name)

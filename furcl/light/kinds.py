@@ -6,8 +6,6 @@ with the functions of FUNCTIONS. A scene names it: [environment] kind = "sky".
 
 from __future__ import annotations
 
-import difflib
-
 import msgspec
 
 from furcl.errors import LightError
@@ -16,17 +14,20 @@ from furcl.light.image import ImageLight
 from furcl.light.model import Light
 from furcl.light.sky import SkyLight
 from furcl.paths import kernel_folder
+from furcl.registry import Registry
 from furcl.table import Table
 
 FUNCTIONS = ("light_radiance", "light_sample", "light_density")
 
 BUILT_IN: tuple[type[Light], ...] = (ConstantLight, SkyLight, ImageLight)
-_registered: dict[str, type[Light]] = {light.kind: light for light in BUILT_IN}
+_lights: Registry[type[Light]] = Registry(
+    "light", LightError, {light.kind: light for light in BUILT_IN}
+)
 
 
 def names() -> tuple[str, ...]:
     """All kinds that a scene can ask for, those of furcl first."""
-    return tuple(_registered)
+    return _lights.names()
 
 
 def find(kind: str) -> type[Light]:
@@ -36,18 +37,12 @@ def find(kind: str) -> type[Light]:
     ------
     LightError      unknown kind, with those that are known
     """
-    if kind in _registered:
-        return _registered[kind]
-    near = difflib.get_close_matches(kind, _registered, 1, 0.5)
-    raise LightError(
-        f"light {kind!r}: known are {', '.join(_registered)}"
-        + (f"; did you mean {near[0]!r}?" if near else "; furcl.lights.register adds one")
-    )
+    return _lights.find(kind, f"light {kind!r}: known are", "furcl.lights.register")
 
 
 def tables() -> dict[str, type[Table]]:
     """Kind -> type of its table in scenes."""
-    return {kind: light.table for kind, light in _registered.items()}
+    return {kind: light.table for kind, light in _lights.things().items()}
 
 
 def from_table(table: Table) -> Light:
@@ -74,12 +69,7 @@ def register(light: type[Light]) -> type[Light]:
                     read or lacks one of the functions
     """
     kind = getattr(light, "kind", "")
-    built_in = [known.kind for known in BUILT_IN]
-    if not kind or kind in built_in:
-        raise LightError(
-            f"light {kind!r}: the kind must not be empty or one of {', '.join(built_in)}; "
-            f"choose another"
-        )
+    _lights.check_name(kind)
     config = light.table.__struct_config__ if issubclass(light.table, msgspec.Struct) else None
     if config is None or (config.tag_field, config.tag) != ("kind", kind):
         raise LightError(
@@ -100,12 +90,10 @@ def register(light: type[Light]) -> type[Light]:
             f"light {kind!r}: {light.header} does not define {' and '.join(missing)}; see "
             f"kernels/include/light/sample.clh"
         )
-    _registered[kind] = light
+    _lights.add(kind, light)
     return light
 
 
 def unregister(kind: str) -> None:
     """Forget a light of one's own; LightError if there is none of that kind."""
-    if kind in [known.kind for known in BUILT_IN] or kind not in _registered:
-        raise LightError(f"light {kind!r} was not registered; nothing to remove")
-    del _registered[kind]
+    _lights.remove(kind)

@@ -7,11 +7,14 @@ that defines surface_hit and surface_point. A scene names it: [body] kind = "ell
 from __future__ import annotations
 
 from furcl.errors import SceneError
+from furcl.registry import Registry
 from furcl.surface.ellipsoid import NOWHERE, Body
 from furcl.surface.model import Surface
 
 BUILT_IN: tuple[type[Surface], ...] = (Body,)
-_registered: dict[str, type[Surface]] = {surface.part.name: surface for surface in BUILT_IN}
+_surfaces: Registry[type[Surface]] = Registry(
+    "surface", SceneError, {surface.part.name: surface for surface in BUILT_IN}
+)
 
 #: A surface that no ray meets, for kernels with code for one and a scene without.
 ABSENT: Surface = NOWHERE
@@ -19,7 +22,7 @@ ABSENT: Surface = NOWHERE
 
 def tables() -> dict[str, type[Surface]]:
     """Kind -> type of its table in scenes."""
-    return dict(_registered)
+    return _surfaces.things()
 
 
 def register(surface: type[Surface]) -> type[Surface]:
@@ -31,23 +34,17 @@ def register(surface: type[Surface]) -> type[Surface]:
     SceneError      a kind of furcl's own, or a table that is tagged otherwise
     """
     name = surface.part.name
-    own = [known.part.name for known in BUILT_IN]
-    if name in own:
-        raise SceneError(
-            f"surface {name!r}: allowed is any name but {', '.join(own)}; choose another"
-        )
+    _surfaces.check_name(name)
     config = surface.__struct_config__
     if (config.tag_field, config.tag) != ("kind", name):
         raise SceneError(
             f"surface {name!r}: its table is tagged {config.tag_field} = {config.tag!r}; give the "
             f"class tag_field='kind', tag={name!r}"
         )
-    _registered[name] = surface
+    _surfaces.add(name, surface)
     return surface
 
 
 def unregister(name: str) -> None:
     """Forget a surface of one's own; SceneError if there is none of that name."""
-    if name not in _registered or _registered[name] in BUILT_IN:
-        raise SceneError(f"surface {name!r} was not registered; nothing to remove")
-    del _registered[name]
+    _surfaces.remove(name)
