@@ -70,13 +70,11 @@ install() {
 # Drivers in containers often come without the file that tells OpenCL's loader of them.
 find_driver() {
     local driver folder
-    compgen -G '/etc/OpenCL/vendors/*.icd' >/dev/null && return
     folder=$("$bin/python" -c 'import pathlib, pyopencl; print(pathlib.Path(pyopencl.__file__).parent / ".libs")')
-    for driver in $(ldconfig -p | awk '/libnvidia-opencl\.so\.1|libamdocl64\.so/ {print $NF}') \
-        /usr/local/nvidia/lib64/libnvidia-opencl.so.1; do
-        [ -e "$driver" ] && [ -w "$folder" ] || continue
-        echo "$driver" >"$folder/$(basename "$driver").icd"
-        echo "/etc/OpenCL/vendors is empty; the loader is told of $driver"
+    for driver in $(ldconfig -p | awk '/libnvidia-opencl\.so\.1|libamdocl64\.so/ {print $NF}'); do
+        [ -w "$folder" ] && ! grep -qs "${driver##*/}" /etc/OpenCL/vendors/*.icd "$folder"/*.icd || continue
+        echo "$driver" >"$folder/${driver##*/}.icd"
+        echo "no file in /etc/OpenCL/vendors names ${driver##*/}; the loader is told of $driver"
     done
 }
 
