@@ -7,7 +7,7 @@ import warnings
 import pyopencl as cl
 import pytest
 
-from furcl.device import kernel_cache, program, source
+from furcl.device import kernel_cache, layout, program, source
 from furcl.device.features import Features
 from furcl.device.memory import Memory
 from furcl.errors import KernelBuildError
@@ -254,3 +254,21 @@ def test_a_dumped_text_is_what_is_compiled(device, kernel_copy, tmp_path, monkey
     monkeypatch.delenv("FURCL_DUMP")
     _write(kernel_copy, "value.cl", dumped.read_text())
     assert _value(device) == 7.0
+
+
+@pytest.mark.parametrize("wanted", ["core/prelude.clh", "core/rng.clh", "stages/generate.cl"])
+def test_lines_of_a_text_are_lines_of_files(wanted):
+    """Compilers that pass over #line number the whole text."""
+    text = source.expand("stages/generate.cl", Features())
+    folder = source.kernel_folder()
+    path = next(p for p in (folder / wanted, folder / "include" / wanted) if p.is_file())
+    numbered = dict(enumerate(path.read_text().splitlines(), 1))
+    found = 0
+    for n, line in enumerate(text.splitlines(), 1):
+        file, _, number = layout.place_in_file(text, n).rpartition(":")
+        if file == wanted and not line.startswith("#line"):
+            assert line == numbered[int(number)]
+            message = program.with_places(f"<kernel>:{n}:7: error", text)
+            assert message == f"{wanted}:{number}:7: error"
+            found += 1
+    assert found == sum(not line.startswith("#include") for line in numbered.values())

@@ -297,14 +297,26 @@ def declarations(text: str, features: Features, extra: Mapping[str, int] | None 
 
 
 def _place(code: str, name: str) -> str:
-    """File and line where a name stands first, by the #line directives before it."""
-    file, line = "?", 0
-    for text in code.splitlines():
-        directive = re.match(r'#line (\d+) "(.*)"', text)
+    """File and line where a name stands first."""
+    for number, text in enumerate(code.splitlines(), 1):
+        if re.search(rf"\b{name}\b", text) and not _LINE.match(text):
+            return place_in_file(code, number)
+    return "?"
+
+
+_LINE = re.compile(r'#line (\d+) "(.*)"')
+
+
+def place_in_file(text: str, number: int) -> str:
+    """What line `number` of a text is by its #line directives: "file:line".
+
+    "declarations:line" for what stands before all of them.
+    """
+    file, line = "declarations", 0
+    for above in text.splitlines()[:number]:
+        directive = _LINE.match(above)
         if directive:
-            file, line = directive[2], int(directive[1])
-        elif re.search(rf"\b{name}\b", text):
-            return f"{file}:{line}"
+            file, line = directive[2], int(directive[1]) - 1
         else:
             line += 1
-    return file
+    return f"{file}:{line}"

@@ -15,7 +15,7 @@ from pathlib import Path
 import pyopencl as cl
 from pyopencl import _cl
 
-from furcl.device import kernel_cache
+from furcl.device import kernel_cache, layout
 from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.source import kernel_text
@@ -83,9 +83,18 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
             program = kernel_cache.built(raw, OPTIONS)
             kernel_cache.store(program, path)
     except (cl.Error, KernelBuildError) as error:
+        said = with_places(str(error), text)
         raise KernelBuildError(
             f"{name} does not compile on {device.name} ({device.platform}) with "
-            f"{features.describe()}; FURCL_DUMP=DIR writes the text. The compiler says:\n{error}"
+            f"{features.describe()}; FURCL_DUMP=DIR writes the text. The compiler says:\n{said}"
         ) from error
     log.debug("built %s in %.2f s", name, time.perf_counter() - start)
     return program
+
+
+def with_places(said: str, text: str) -> str:
+    """A compiler's message with the files and lines that its line numbers stand for.
+
+    NVIDIA's compiler passes over #line: it numbers the lines of the whole text, "<kernel>:171:24".
+    """
+    return re.sub(r"<kernel>:(\d+)", lambda match: layout.place_in_file(text, int(match[1])), said)

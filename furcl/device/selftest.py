@@ -134,7 +134,13 @@ def _test_structs(device: Device, kernels: cl.Program) -> None:
     offsets = [place[1] for place in fields.values()]
     words = np.zeros(1 + len(fields) + given.nbytes // 4, np.uint32)
     out = _output(device, words)
-    kernels.selftest_struct(device.queue, (1,), None, out, given)
+    try:
+        kernels.selftest_struct(device.queue, (1,), None, out, given)
+    except cl.LogicError as error:  # some drivers compare the sizes themselves
+        raise LayoutError(
+            f"the device lays a struct out in other than the host's {given.nbytes} bytes "
+            f"({error}); furcl allows no padding: report this device"
+        ) from error
     found = _read(device, out, words)
     expected = np.array([given.nbytes, *offsets, *np.frombuffer(given.tobytes(), np.uint32)])
     if not np.array_equal(found, expected):
