@@ -31,11 +31,13 @@ def table(columns: list[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def driver(results: Results) -> str:
-    """Runtime and version of a run's device, short."""
+    """Runtime and version of a run's device, short; of a GPU its name."""
     device = results["device"]
     maker = device["platform"].split()[0].removesuffix("(R)")
     if maker == "Portable":
         return f"PoCL {device['driver'].partition('+')[0]}"
+    if maker in ("NVIDIA", "AMD"):
+        return f"{device['name']} ({device['driver']})"
     return f"{maker} {'.'.join(device['driver'].split('.')[:2])}"
 
 

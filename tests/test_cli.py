@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +16,7 @@ import numpy as np
 import pytest
 from command_lines import run
 
+from furcl import cli
 from furcl.cli import main
 from furcl.device.choice import Device
 from furcl.errors import GroomError, NoDeviceError
@@ -258,3 +261,23 @@ def test_missing_extra_is_named(
     Image(np.zeros((2, 2, 3), np.float32), None, {}).save(image)
     assert run("compare", image, image) == 2
     assert "furcl[report]" in capsys.readouterr().err
+
+
+def test_a_missing_package_is_not_called_an_extra(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken() -> None:
+        raise ModuleNotFoundError("No module named 'pydantic'", name="pydantic")
+
+    monkeypatch.setattr(cli, "command", broken)
+    assert run("devices") == 2
+    said = capsys.readouterr().err
+    assert "pydantic" in said
+    assert "--force-reinstall furcl" in said
+    assert "[report]" not in said
+
+
+def test_the_extra_holds_the_modules_that_messages_say_it_holds() -> None:
+    wanted = [line for line in importlib.metadata.requires("furcl") or [] if "'report'" in line]
+    names = {re.split(r"[^\w-]", line, maxsplit=1)[0].replace("-", "_") for line in wanted}
+    assert names == set(cli.REPORT_MODULES)

@@ -18,6 +18,9 @@ from furcl.settings import switched_on
 EXIT_ERROR = 2
 EXIT_NO_DEVICE = 3
 
+# What the extra `report` installs.
+REPORT_MODULES = ("flip_evaluator", "jinja2", "matplotlib", "numba", "pcpp")
+
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -87,7 +90,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except ModuleNotFoundError as error:
         if switched_on("FURCL_TRACEBACK") or (error.name or "").startswith("furcl"):
             raise
-        print(f"furcl: {error}; install it: pip install 'furcl[report]'", file=sys.stderr)
+        module = (error.name or "").partition(".")[0]
+        wanted = "'furcl[report]'" if module in REPORT_MODULES else "--force-reinstall furcl"
+        print(f"furcl: {error}; install it: pip install {wanted}", file=sys.stderr)
         sys.exit(EXIT_ERROR)
     except FurclError as error:
         if switched_on("FURCL_TRACEBACK"):
