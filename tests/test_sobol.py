@@ -268,7 +268,7 @@ def _padded_variance() -> float:
     return float((means.var(axis=0) * FEW * 144.0).max())
 
 
-# Measured: 1.24, 1.62 and 9.4 for the mutants; the coarsest part of a product alone, 9/16 of its variance, would be doubled.
+# Measured: 1.24, and 1.62 and 9.4 for the mutants. Of a product the coarsest part is 9/16.
 PADDED = 1.35
 
 

@@ -9,8 +9,11 @@ from scene_documents import even_patch, fur_patch
 from scipy import stats
 
 import furcl
+from furcl.bench import convergence
+from furcl.bench.convergence_plan import Plan
 from furcl.device import program
 from furcl.image.exr import read_exr
+from furcl.image.image import Image
 from furcl.rendering.renderer import Renderer
 from furcl.scene.read import with_overrides
 
@@ -105,3 +108,27 @@ def test_files_say_which_sequence(device, tmp_path, sequence):
     assert image.stats["sequence"] == sequence
     assert ("sobol" in image.stats["features"]["left_out"]) == (sequence == "independent")
     assert read_exr(path)[1]["furcl:sequence"] == sequence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sequence", ["independent", "sobol"])
+def test_benchmark_takes_errors_from_independent_renders(device, tmp_path, monkeypatch, sequence):
+    """The reference's error is that between its parts where a part's own variance is too large:
+    measured 0.4 of it. With independent numbers the two are the same."""
+    monkeypatch.setenv("FURCL_CACHE_DIR", str(tmp_path / "cache"))
+    scene = with_overrides(even_patch(), [f"render.sequence={sequence}"])
+    plan = Plan((scene,), sampling=("uniform-h",), spp=(8, 16), runs=2)
+    found = convergence.run(plan, tmp_path / "out", device=device)["scenes"][0]
+    assert found["reference"]["sequence"] == sequence
+    parts = [Image.load(path) for path in (tmp_path / "cache" / "references").rglob("*.exr")]
+    own = np.mean([p.variance.astype(np.float64).mean() for p in parts if p.variance is not None])
+    between = np.var([p.rgb.astype(np.float64) for p in parts], axis=0, ddof=1).mean()
+    used = found["reference"]["mse"] * len(parts)
+    if sequence == "independent":
+        assert found["checks"] == ["slope", "mse_over_variance", "mean_over_reference"]
+        assert used == pytest.approx(own, rel=1e-5)
+        assert between == pytest.approx(own, rel=0.1)
+    else:
+        assert found["checks"] == ["mean_over_reference"]
+        assert used == pytest.approx(between, rel=1e-5)
+        assert between < 0.6 * own
