@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 PHILOX_KEY = 0x66757263
-KEY_OF_ORDER = 0x9E3779B1
 KEYS_OF_DIMENSIONS = (0x85EBCA6B, 0xC2B2AE35, 0x27D4EB2F, 0x165667B1)
 
 # Widths of neighbouring groups of bits, and the lower one of each two.
@@ -131,12 +130,11 @@ def scrambled(x: NDArray[np.uint32], key: NDArray[np.uint32]) -> NDArray[np.uint
 
 
 def reordered(sample: NDArray[np.uint32], key: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Samples with places changed within eights, by an odd factor out of the key.
+    """Samples with places changed within eights, by a product with bits of the key.
 
     Nested scrambling alone keeps pairs of samples together, on opposite sides in all dimensions.
     """
-    places = sample * (key | np.uint32(1)) & np.uint32(7)
-    return sample & ~np.uint32(7) | places
+    return sample ^ (sample * (key & np.uint32(6)) & np.uint32(7))
 
 
 def pixel_hash(seed: int, pixel: NDArray[np.uint32], dimension: int) -> NDArray[np.uint32]:
@@ -159,6 +157,6 @@ def sobol_bits(seed: int, pixel: ArrayLike, sample: ArrayLike, dimension: int) -
         return word ^ word >> np.uint32(16)
 
     order = reordered(sample.astype(np.uint32), base)
-    points = sobol_points(scrambled(order, key(KEY_OF_ORDER)))
+    points = sobol_points(scrambled(order, base))
     columns = zip(points.T, KEYS_OF_DIMENSIONS, strict=True)
     return np.stack([scrambled(x, key(odd)) for x, odd in columns], axis=1)
