@@ -54,7 +54,7 @@ def _least_p(a, b):
     seen = blocks(a).std(axis=0) > 0.0  # some blocks see nothing but the light
     assert seen.sum() > 8
     found = stats.ttest_ind(blocks(a)[:, seen], blocks(b)[:, seen], equal_var=False)
-    return float(found.pvalue.min())
+    return float(np.min(found.pvalue))  # pyright: ignore[reportAttributeAccessIssue]
 
 
 LEVEL = sidak(16)
