@@ -32,7 +32,7 @@ PIXELS = "8x8"
 UTILITIES = (
     *(
         f"kernels/include/core/{name}.clh"
-        for name in ("prelude", "math", "cdf", "spectrum", "lanes", "rng")
+        for name in ("prelude", "math", "cdf", "spectrum", "lanes", "rng", "sobol")
     ),
     "furcl/device/",
 )

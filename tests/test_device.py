@@ -12,7 +12,7 @@ import pytest
 
 import furcl
 from furcl.device import choice as device_module
-from furcl.device import program, selftest, verdict
+from furcl.device import program, random_numbers, selftest, verdict
 from furcl.device.choice import Candidate, Device, choose, match, open_device
 from furcl.device.verdict import Verdict
 from furcl.errors import DeviceError, FurclError, KernelBuildError, NoDeviceError
@@ -109,6 +109,7 @@ def test_selftest_passes(device: Device) -> None:
         ("if (flags[i]) place", "place", DeviceError, "atomic"),
         ("shared[1] + place", "shared[1]", DeviceError, "local memory"),
         ("2u * i, 3u", "2u * i, 4u", DeviceError, "Philox"),
+        ("hash ^= key.y", "hash += key.y", DeviceError, "Sobol"),
         ("float real; uint whole", "double real; uint whole", FurclError, "lays a struct out"),
         ("barrier(", "no_such_function(", KernelBuildError, "does not compile"),
     ],
@@ -147,7 +148,7 @@ def test_selftest_sees_faults(
 def test_philox_known_answers(counter: str, key: str, expected: str) -> None:
     """The known answers that Random123 publishes for philox4x32 with ten rounds."""
     words = [[int(word, 16) for word in text.split()] for text in (counter, key, expected)]
-    found = selftest.philox4x32(np.array([words[0]]), (words[1][0], words[1][1]))
+    found = random_numbers.philox4x32(np.array([words[0]]), (words[1][0], words[1][1]))
     assert found[0].tolist() == words[2]
 
 

@@ -12,7 +12,7 @@ from scene_documents import fur_patch
 from furcl.bench import features as bench
 from furcl.device import program
 from furcl.device.features import Features
-from furcl.device.layout import FILTERS
+from furcl.device.layout import FILTERS, SEQUENCES
 from furcl.device.source import kernel_text
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
@@ -48,6 +48,7 @@ VALUES = {
     "surface": (None, PART),
     "lens": (False, True),
     "filter": FILTERS,
+    "sequence": SEQUENCES,
     "roulette": (False, True),
     "variance": (False, True),
     "statistics": (False, True),
@@ -235,12 +236,17 @@ ABSENT = [
     ({"variance": False}, "add_to_film", ("mean_before",)),
     ({"roulette": False}, "shade", ("throughput /= largest",)),
     ({"sampler": "uniform-h"}, "sample_lobe_h", ("search_remainder(bins",)),
+    ({"sequence": "independent"}, "generate", ("sobol_point(", "0x3d20adea")),
+    ({"sequence": "independent"}, "shade", ("sobol_", "0x3d20adea")),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("changes", "stage", "words"), ABSENT)
 def test_left_out_code_is_absent(device, changes, stage, words):
-    full = {"residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True}
+    full = {
+        "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
+        "sequence": "sobol",
+    }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:
         assert word in there, f"{word} is misspelt in this test"

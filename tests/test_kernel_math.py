@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from kernel_harness import call
+from kernel_harness import FULL, call
 from scipy import special
 
 from furcl.device.features import Features
+from furcl.device.layout import SEQUENCES
 
 
 def test_bessel_i0e(device):
@@ -184,23 +185,26 @@ static float lane_error(uint i)
         set_uint_lane(&pixel, k, 977u * i + k);
         set_uint_lane(&sample, k, i ^ k);
     }
-    const Lanes4 u = uniform_lanes(7u, pixel, sample, 5u);
+    const Lanes4 u = uniform_lanes(7u, pixel, sample, DIMENSION);
     float4 worst = (float4)(0.0f);
     for (uint k = 0; k < FURCL_LANES; k++)
-        worst = fmax(worst, fabs(lane4(&u, k) - uniform4(7u, 977u * i + k, i ^ k, 5u)));
+        worst = fmax(worst, fabs(lane4(&u, k) - uniform4(7u, 977u * i + k, i ^ k, DIMENSION)));
     return worst.x + worst.y + worst.z + worst.w;
 }
 """
 
 
 @pytest.mark.parametrize("lanes", [1, 16])
-def test_lanes_have_the_random_numbers_of_their_paths(device, lanes):
+@pytest.mark.parametrize("sequence", SEQUENCES)
+@pytest.mark.parametrize("dimension", [4, 5])
+def test_lanes_have_the_random_numbers_of_their_paths(device, lanes, sequence, dimension):
     error = call(
         device,
         "core/lanes.clh",
         "lane_error((uint)x)",
         np.arange(1000),
-        before=LANE_ERROR,
+        features=FULL.with_(sequence=sequence),
+        before=f"#define DIMENSION {dimension}u" + LANE_ERROR,
         lanes=lanes,
     )
     assert not error.any()

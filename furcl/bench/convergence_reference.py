@@ -123,11 +123,17 @@ def render_reference(
             image.save(path)
         parts.append(Image.load(path))
     rgb = np.mean([part.rgb.astype(np.float64) for part in parts], axis=0)
-    variances = [np.asarray(part.variance, np.float64) for part in parts]
-    variance = np.sum(variances, axis=0) / N_CHUNKS**2
+    if renderer.features.sequence == "independent":
+        variances = [np.asarray(part.variance, np.float64) for part in parts]
+        variance = np.sum(variances, axis=0) / N_CHUNKS**2
+    else:
+        # Samples of a part depend on each other, parts do not.
+        variance = np.var([part.rgb.astype(np.float64) for part in parts], axis=0, ddof=1)
+        variance /= N_CHUNKS
     facts = {
         "sampling": sampling,
         "light_sampling": renderer.scene.render.light_sampling,
+        "sequence": renderer.features.sequence,
         "spp": part_spp * N_CHUNKS,
         "parts": N_CHUNKS,
         "seconds": sum(part.stats["wall_seconds"] for part in parts),

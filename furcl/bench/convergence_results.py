@@ -28,6 +28,12 @@ from furcl.scene.tables import Scene
 SCHEMA = "furcl-convergence-1"
 CONFIDENCE_95 = 1.96  # standard errors of a normal variable
 MEASURES = ("seconds", "cpu_seconds", "rmse", "relmse", "flip")
+# What must hold of an unbiased sampler: -1/2, 1 and 1. Where samples of a pixel depend on each
+# other the error falls faster, and is below that which the pixel's own variance says.
+CHECKS: dict[str, list[str]] = {
+    "independent": ["slope", "mse_over_variance", "mean_over_reference"],
+    "sobol": ["mean_over_reference"],
+}
 CSV_COLUMNS = (
     "scene", "sampling", "spp", "run", "seed", "seconds", "cpu_seconds", "mse_against_reference",
     "mse", "rmse", "relmse", "flip", "variance", "mean", "rays", "paths", "path_length",
@@ -74,6 +80,7 @@ def assemble(
             {
                 "name": scene.name,
                 **data["scenes"][scene.name],
+                "checks": CHECKS[scene.render.sequence],
                 **_scene_results(plan, scene.name, records, data),
             }
             for scene in plan.scenes

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from furcl.device.layout import FILTERS, Fields
+from furcl.device.layout import FILTERS, SEQUENCES, Fields
 
 
 class Part(Protocol):
@@ -57,6 +57,7 @@ class Features:
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
     filter : str                one of layout.FILTERS
+    sequence : str              of random numbers, one of layout.SEQUENCES
     roulette : bool             Russian roulette within the depth limit
     variance : bool             film keeps second moments
     statistics : bool           counters of lobes and path lengths
@@ -72,6 +73,7 @@ class Features:
     point_radii: bool = True
     lens: bool = False
     filter: str = "gaussian"
+    sequence: str = "independent"
     roulette: bool = True
     variance: bool = True
     statistics: bool = True
@@ -93,9 +95,10 @@ class Features:
         values: dict[str, int | str] = {
             f"FURCL_{field.name.upper()}": int(getattr(self, field.name))
             for field in fields(self)
-            if field.name not in (*PARTS, "filter")
+            if field.name not in (*PARTS, "filter", "sequence")
         }
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
+        values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_SURFACE"] = int(self.surface is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
         values |= NO_SAMPLER

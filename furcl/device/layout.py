@@ -29,6 +29,10 @@ Filter = Literal["box", "tent", "gaussian"]
 """Pixel filters."""
 FILTERS: tuple[Filter, ...] = get_args(Filter)
 
+Sequence = Literal["independent", "sobol"]
+"""Sequences of random numbers."""
+SEQUENCES: tuple[Sequence, ...] = get_args(Sequence)
+
 # Materials, each with a hit queue and an entry of the queue lengths.
 MATERIALS = ("fibre", "surface")
 

@@ -16,6 +16,7 @@ import pyopencl as cl
 from furcl.device import layout, program
 from furcl.device.choice import Device, find_candidate, open_candidate
 from furcl.device.features import Features
+from furcl.device.random_numbers import independent_bits, sobol_bits
 from furcl.device.verdict import EXIT_FAILED
 from furcl.errors import DeviceError, FurclError, LayoutError
 
@@ -37,31 +38,6 @@ def _read(device: Device, buffer: cl.Buffer, like: np.ndarray) -> np.ndarray:
     result = np.empty_like(like)
     cl.enqueue_copy(device.queue, result, buffer)
     return result
-
-
-def philox4x32(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
-    """Philox4x32-10 in numpy.
-
-    Parameters
-    ----------
-    counter : (n, 4) integer    counters, each word below 2^32
-    key : two integers          below 2^32
-
-    Returns
-    -------
-    (n, 4) uint32
-
-    Source: Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3".
-    """
-    c = [counter[:, i].astype(np.uint64) for i in range(4)]
-    k0, k1 = key
-    mask = np.uint64(0xFFFFFFFF)
-    for _ in range(10):
-        p0, p1 = np.uint64(0xD2511F53) * c[0], np.uint64(0xCD9E8D57) * c[2]
-        high0, high1 = p0 >> np.uint64(32), p1 >> np.uint64(32)
-        c = [high1 ^ c[1] ^ np.uint64(k0), p1 & mask, high0 ^ c[3] ^ np.uint64(k1), p0 & mask]
-        k0, k1 = (k0 + 0x9E3779B9) & 0xFFFFFFFF, (k1 + 0xBB67AE85) & 0xFFFFFFFF
-    return np.stack(c, axis=1).astype(np.uint32)
 
 
 def _require(what: str, good: bool | np.bool_) -> None:
@@ -120,10 +96,18 @@ def _test_random(device: Device, kernels: cl.Program) -> None:
     numbers = np.zeros((N_ITEMS, 4), np.float32)
     out = _output(device, numbers)
     kernels.selftest_random(device.queue, (N_ITEMS,), None, np.uint32(seed), out)
-    counter = np.stack([index, 2 * index, np.full(N_ITEMS, 3), np.zeros_like(index)], axis=1)
-    bits = philox4x32(counter, (seed, 0x66757263)) >> 8
+    bits = independent_bits(seed, index, 2 * index, 3) >> 8
     found = _read(device, out, numbers)
     _require("Philox random numbers", np.array_equal(found, (bits / 2.0**24).astype(np.float32)))
+
+
+def _test_sobol(device: Device, kernels: cl.Program) -> None:
+    seed, index = 20240229, np.arange(N_ITEMS)
+    points = np.zeros((N_ITEMS, 4), np.uint32)
+    out = _output(device, points)
+    kernels.selftest_sobol(device.queue, (N_ITEMS,), None, np.uint32(seed), out)
+    expected = sobol_bits(seed, index, index * index, 3)
+    _require("Sobol points", np.array_equal(_read(device, out, points), expected))
 
 
 def _test_structs(device: Device, kernels: cl.Program) -> None:
@@ -156,6 +140,7 @@ TESTS: tuple[Callable[[Device, cl.Program], None], ...] = (
     _test_scalars,
     _test_queue,
     _test_random,
+    _test_sobol,
     _test_structs,
 )
 

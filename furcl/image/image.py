@@ -21,7 +21,10 @@ from furcl.image.exr import read_exr, rgb_of, write_exr
 SUFFIXES = (".exr", ".png")
 # Statistics that get a header attribute of their own; all of them are in the attribute
 # `furcl:stats`.
-HEADER_KEYS = ("version", "git", "scene", "seed", "spp", "sampling", "device", "driver", "features")
+HEADER_KEYS = (
+    "version", "git", "scene", "seed", "spp", "sampling", "sequence", "device", "driver",
+    "features",
+)  # fmt: skip
 STATS_ATTRIBUTE = "furcl:stats"
 
 
@@ -33,7 +36,7 @@ class Image:
     ----------
     rgb : (H, W, 3) float32         mean of the samples, row 0 on top
     variance : (H, W, 3) float32    variance of that mean (sample variance over spp), or None if
-                                    unknown
+                                    unknown; with the sequence "sobol" an upper bound of it
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
     """

@@ -225,6 +225,7 @@ class Renderer:
             "seed": self.scene.render.seed,
             "spp": self.samples_done,
             "sampling": self.scene.render.sampling,
+            "sequence": self.features.sequence,
             "width": self.film.width,
             "height": self.film.height,
             "segments": self.setup.n_segments,

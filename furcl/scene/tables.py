@@ -14,7 +14,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from msgspec import Meta
 
-from furcl.device.layout import Filter
+from furcl.device.layout import Filter, Sequence
 from furcl.fibre import model as models
 from furcl.fibre import samplers
 from furcl.fibre.model import ModelTable
@@ -77,6 +77,9 @@ class Render(Table, frozen=True, kw_only=True):
     light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
                             light
     roulette_depth : int    from here on paths may end at random, without bias [bounces]
+    sequence : str          random numbers of a pixel's samples: "independent", or "sobol", spread
+                            evenly, for less noise; the variance that the film keeps is then an
+                            upper bound
     residual : bool         add the light of two and more reflections inside a fibre, so that white
                             fibres conserve energy
     variance : bool         keep the variance of every pixel
@@ -91,6 +94,7 @@ class Render(Table, frozen=True, kw_only=True):
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
     roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
+    sequence: Sequence = "independent"
     residual: bool = False
     variance: bool = True
     statistics: bool = True

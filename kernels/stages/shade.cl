@@ -95,6 +95,12 @@ __kernel void shade(
          first += FURCL_LANES) {
         const FibreHits hits = fibre_hits_from(first, paths, hit_queue, n_hits, &wave,
                                                bounce_dimension(depth, DIM_DIRECTION), vertices);
+#if FURCL_LIGHT_SAMPLING
+        const Lanes4 light_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
+                                              bounce_dimension(depth, DIM_LIGHT));
+#else
+        const Lanes4 light_xi = {0.0f, 0.0f, 0.0f, 0.0f};
+#endif
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
@@ -102,13 +108,9 @@ __kernel void shade(
             if (path_uint(paths, PS_LOBE, slot) >= FURCL_LOBES) continue;
             const uint pixel = uint_lane(&hits.pixel, k), sample = uint_lane(&hits.sample, k);
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
-            float4 light_xi = (float4)(0.0f);
-#if FURCL_LIGHT_SAMPLING
-            light_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_LIGHT));
-#endif
             const Bounce bounce = scatter_at_fibre(
                 paths, slot, &frame, &fibre, point_on_fibre(paths, slot, vertices), light,
-                lane4(&hits.xi, k), light_xi);
+                lane4(&hits.xi, k), lane4(&light_xi, k));
             const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce);
             if (to.next) append_slot(&next, slot);
             if (to.shadow) append_slot(&shadows, slot);

@@ -1,6 +1,7 @@
 /* Self-test: one small kernel for each feature of OpenCL C that furcl's kernels use. A device that
    compiles these and returns what furcl/device/selftest.py computes with numpy is fit for rendering. */
 
+#include "core/sobol.clh"
 #include "core/rng.clh"
 
 /* Reads x (8 n floats), writes y (8 n floats). Launched over n. */
@@ -55,6 +56,13 @@ __kernel void selftest_random(uint seed, __global float* numbers)
 {
     const uint i = get_global_id(0);
     vstore4(uniform4(seed, i, 2u * i, 3u), i, numbers);
+}
+
+/* Writes bits (4 n words) of Sobol points: pixel i, sample i * i, dimension 3. Launched over n. */
+__kernel void selftest_sobol(uint seed, __global uint* bits)
+{
+    const uint i = get_global_id(0);
+    vstore4(sobol_point(seed, i, i * i, 3u), i, bits);
 }
 
 /* A struct passed by value. Writes its size, the offsets of its fields and its content. Launched over 1. */
