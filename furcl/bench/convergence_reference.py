@@ -78,11 +78,14 @@ def choose_variant(
 ) -> tuple[str | None, dict[str, float]]:
     """The variant with the lowest variance for the same rays, by two pilots of 8 samples a pixel.
 
-    The variance is that between the two, since within one samples may depend on each other.
+    The variance is that between the two, since within one samples may depend on each other. If some
+    variants sample the light, only those take part: what is found by chance a pilot may miss
+    altogether, such as a small sun, and then its variance looks lowest.
     Returns its name, None if there are none, and the figure of each: variance times rays a path.
     """
     figures = {}
-    for name, renderer in renderers.items():
+    sampled = {name: r for name, r in renderers.items() if r.features.light_sampling}
+    for name, renderer in (sampled or renderers).items():
         a, b = (render_once(renderer, seed_of(name, "pilot", k), PILOT_SPP)[0] for k in range(2))
         difference = a.rgb.astype(np.float64) - b.rgb
         rays = a.stats["rays"] / a.stats["paths"]
