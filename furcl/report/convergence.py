@@ -122,8 +122,10 @@ def plus_minus(estimate: Mapping[str, Any], digits: int = 3) -> str:
 
 def verdict(estimate: Mapping[str, Any] | None, less_is_better: bool = True) -> str:
     """Whether the interval of a ratio lies on one side of 1: better, worse or even."""
-    low, high = (estimate["low"], estimate["high"]) if estimate else (None, None)
-    if low is None or low <= 1.0 <= high:
+    if estimate is None or estimate["low"] is None:
+        return "even"
+    low, high = estimate["low"], estimate["high"]
+    if low <= 1.0 <= high:
         return "even"
     return "better" if (high < 1.0) == less_is_better else "worse"
 
