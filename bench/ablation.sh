@@ -3,7 +3,7 @@
 # baseline, each step alone, all steps without each, all; every rung with the paper's sampler beside.
 #     bash bench/ablation.sh [LIGHT...] [--device D] [--quick | --paper]
 # Scenes, lights and steps are in bench/ladder.py, the protocol in docs/convergence.md. One that was
-# stopped goes on where it stopped. By default the pictures are small and all takes about 25 minutes
+# stopped goes on where it stopped. By default the pictures are small and all takes half an hour or less
 # on two quiet cores; --paper takes the paper's sizes and hours; --quick tries the script, into
 # out/results. Images of surroundings are sought in the folder LIGHTS; BIN: where furcl and python are.
 # Afterwards `python bench/docs_tables.py results.md` writes the tables, and bench/ladder_tables.py the figure.
@@ -33,8 +33,8 @@ numbers() { # LIGHT: size of the pictures and numbers of samples
         quick-*) echo "--quick --size 12x12 --runs 2" ;;
         paper-sky) echo "--size 256x256 --spp 16,64,256,512 --reference-spp 4096" ;;
         paper-*) echo "--size 128x128 --spp 16,64,256 --reference-spp 2048" ;;
-        default-sky) echo "--size 48x48 --spp 16,64,256 --reference-spp 2048" ;;
-        default-*) echo "--size 32x32 --spp 16,64 --reference-spp 1024" ;;
+        default-sky) echo "--size 40x40 --spp 16,64,256 --reference-spp 2048" ;;
+        default-*) echo "--size 24x24 --spp 16,64 --reference-spp 1024" ;;
     esac
 }
 
