@@ -1,6 +1,6 @@
 """Tables and figure of docs/results.md about the ladder: bench/results/ablation.
 
-python bench/ladder_tables.py       docs/figures/ladder.png, which the page shows
+python bench/ladder_tables.py       draws the figure
 """
 
 from __future__ import annotations
