@@ -28,7 +28,7 @@ def main(scene: str, folder: str, size: str = "96x96", runs: str = "5") -> None:
     )
     results = convergence.run(plan, folder)
     for comparison in results["scenes"][0]["comparisons"]:
-        print(comparison["sampling"], "efficiency", interval(comparison["efficiency"]))
+        print(comparison["variant"], "efficiency", interval(comparison["efficiency"]))
     print("wrote", write_report(folder))
 
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from tables import FOLDER, Results, circumstances, load, runs, table
+from tables import FOLDER, Results, circumstances, runs, table
+from tables import load as load_json
 
 from furcl import bcsdf
 from furcl.fibre.double_cylinder import paper
 from furcl.report.convergence import interval, number, share
+from furcl.report.convergence_schema import upgraded
 
 # The preset whose fibre, fitted to the paper's lobe shares, is in a scene.
 FIBRES = {"black_hair": "human-black", "white_hair": "human-white", "raccoon": "raccoon"}
+
+
+def load(name: str) -> Results:
+    """A run of `furcl bench convergence` by its path in FOLDER."""
+    return upgraded(load_json(name))
 
 
 def scenes() -> Results:
@@ -27,10 +34,10 @@ def ratios() -> str:
             rows.append(
                 [
                     scene["name"],
-                    found["sampling"],
+                    found["variant"],
                     interval(found["same_spp"][-1]["rmse_ratio"]),
                     interval(found["equal_time"][-1]["rmse_ratio"]),
-                    f"{label}: {text}" if found["sampling"] == "attenuation-cdf" else "",
+                    f"{label}: {text}" if found["variant"] == "attenuation-cdf" else "",
                 ]
             )
     spp = scenes()["plan"]["spp"][-1]
@@ -42,8 +49,8 @@ def overall() -> str:
     """Efficiency over all sample counts, slope, rays a path and time."""
     rows = []
     for scene in scenes()["scenes"]:
-        found = {c["sampling"]: c for c in scene["comparisons"]}
-        for sampler in scene["samplers"]:
+        found = {c["variant"]: c for c in scene["comparisons"]}
+        for sampler in scene["variants"]:
             last = sampler["spp"][-1]
             efficiency = found[sampler["name"]]["efficiency"] if sampler["name"] in found else None
             rows.append(
@@ -78,7 +85,7 @@ def lobes() -> str:
     """Shares of the chosen lobes beside the paper's."""
     rows = []
     for scene in scenes()["scenes"]:
-        ours = {s["name"]: s["lobes"]["shares"] for s in scene["samplers"]}
+        ours = {s["name"]: s["lobes"]["shares"] for s in scene["variants"]}
         fibre = FIBRES[scene["name"]]
         theirs = zip(paper.CONVENTIONAL_LOBE_SHARES[fibre], paper.LOBE_SHARES[fibre], strict=True)
         for lobe, (conventional, proposed) in zip(bcsdf.LOBES, theirs, strict=True):
@@ -106,7 +113,7 @@ def others() -> str:
             rows.append(
                 [
                     folder.name,
-                    found["sampling"],
+                    found["variant"],
                     interval(found["same_spp"][-1]["rmse_ratio"]),
                     interval(found["equal_time"][-1]["rmse_ratio"]),
                     interval(found["efficiency"]),

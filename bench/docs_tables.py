@@ -10,6 +10,7 @@ from pathlib import Path
 
 import convergence_tables
 import intersect_tables
+import ladder_tables
 import model_tables
 import render_tables
 import stability_tables
@@ -19,7 +20,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 DOCUMENTS = {
     "model.md": model_tables.TABLES,
     "performance.md": intersect_tables.TABLES | render_tables.TABLES,
-    "results.md": convergence_tables.TABLES,
+    "results.md": convergence_tables.TABLES | ladder_tables.TABLES,
     "numerics.md": stability_tables.TABLES,
 }
 

@@ -188,7 +188,7 @@ def furnace_z(scene: Scene, device: Device) -> float:
 
 def estimates(results: dict[str, Any], sampling: str) -> tuple[np.ndarray, np.ndarray]:
     """RMSE and MSE over variance, (runs, spp), of what furcl.bench.convergence.run returns."""
-    rows = [row for row in results["renders"] if row["sampling"] == sampling]
+    rows = [row for row in results["renders"] if row["variant"] == sampling]
     spp = sorted({row["spp"] for row in rows})
     runs = sorted({row["run"] for row in rows})
     at = {(row["run"], row["spp"]): row for row in rows}

@@ -1,28 +1,18 @@
-"""The convergence bench: its statistics, its protocol on a device, and its page."""
+"""The convergence bench: its protocol on a device, and its page."""
 
 from __future__ import annotations
 
 import csv
 import json
-import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from model_checks import check_error_falls_as_monte_carlo_does
 from scene_documents import even_patch
 
 from furcl.bench import convergence
 from furcl.bench.convergence_plan import Plan, quick_scene
-from furcl.bench.convergence_statistics import (
-    Curve,
-    compare_curves,
-    interpolate,
-    mean_interval,
-    ratio_interval,
-    slope,
-)
 from furcl.device.choice import Device
 from furcl.errors import BenchError, SamplerError
 from furcl.fibre import samplers
@@ -34,77 +24,6 @@ from furcl.scene.tables import Scene
 
 SPP = (4, 8, 16, 32)
 RUNS = 8
-# Of each interval that a test looks into.
-CONFIDENCE = 0.999
-
-
-# Statistics -------------------------------------------------------------------------------------
-
-
-def test_mean_interval_of_five_values_by_hand():
-    found = mean_interval([1.0, 2.0, 3.0, 4.0, 5.0])
-    half = 2.7764451 * math.sqrt(2.5 / 5.0)
-    assert found.mean == 3.0
-    assert (found.low, found.high) == pytest.approx((3.0 - half, 3.0 + half), abs=1e-6)
-    single = mean_interval([2.0])
-    assert single.mean == 2.0
-    assert single.as_dict() == {"mean": 2.0, "low": None, "high": None, "n": 1}
-
-
-def test_intervals_cover_the_truth_as_often_as_they_say(rng):
-    """3000 intervals of 5 log-normal values; binomial bounds at alpha 1e-4."""
-    n = 3000
-    values = np.exp(rng.normal(0.3, 0.2, (n, 5)))
-    covered = sum(ratio_interval(row).contains(math.exp(0.3)) for row in values)
-    assert abs(covered - 0.95 * n) < 3.9 * math.sqrt(n * 0.95 * 0.05)
-
-
-def noisy_errors(rng: np.random.Generator, bias: float) -> np.ndarray:
-    """(5, 4) RMSE of Monte Carlo over SPP, 1 % noise, with a bias added in squares."""
-    return np.sqrt(1.0 / np.array(SPP) + bias**2) * np.exp(rng.normal(0.0, 0.01, (5, 4)))
-
-
-def test_slope_is_half_for_monte_carlo_and_less_with_a_bias(rng):
-    assert slope(SPP, noisy_errors(rng, 0.0), CONFIDENCE).contains(-0.5)
-    assert not slope(SPP, noisy_errors(rng, 0.2), CONFIDENCE).contains(-0.5)
-    exact = slope(SPP, np.tile(np.array(SPP, float) ** -0.3, (3, 1)))
-    assert exact.mean == pytest.approx(-0.3, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("at", "beyond"), [(3.0, False), (1.0, False), (16.0, False), (0.5, True), (40.0, True)]
-)
-def test_interpolation_follows_power_laws(at, beyond):
-    x = np.array([4.0, 1.0, 16.0])
-    value, extrapolated = interpolate(at, x, 7.0 * x**-0.5, -0.5)
-    assert value == pytest.approx(7.0 * at**-0.5, rel=1e-12)
-    assert extrapolated == beyond
-
-
-def test_a_sampler_of_half_the_variance_is_twice_as_fast():
-    spp = np.array(SPP, np.float64)
-    seconds = np.array([[1.0], [1.3]]) * spp
-    baseline = Curve(spp, seconds, np.tile(spp**-0.5, (2, 1)))
-    better = Curve(spp, seconds, np.tile((2.0 * spp) ** -0.5, (2, 1)))
-    found = compare_curves(better, baseline)
-    assert found["efficiency"]["mean"] == pytest.approx(2.0)
-    for row in found["equal_error"]:
-        assert row["speed_up"]["mean"] == pytest.approx(2.0)
-    for row in found["equal_time"] + found["same_spp"]:
-        assert row["rmse_ratio"]["mean"] == pytest.approx(math.sqrt(0.5))
-    assert [row["extrapolated"] for row in found["equal_error"]] == [False] * 3 + [True]
-    assert found["equal_time"][1]["baseline_spp"] == pytest.approx(SPP[1])
-
-
-def test_a_slower_sampler_is_compared_with_more_samples_of_the_other():
-    spp = np.array(SPP, np.float64)
-    baseline = Curve(spp, spp[None], spp[None] ** -0.5)
-    slow = Curve(spp, 2.0 * spp[None], spp[None] ** -0.5)
-    row = compare_curves(slow, baseline)["equal_time"][0]
-    assert row["baseline_spp"] == pytest.approx(2 * SPP[0])
-    assert row["rmse_ratio"]["mean"] == pytest.approx(math.sqrt(2.0))
-
-
 # Plans ------------------------------------------------------------------------------------------
 
 
@@ -126,7 +45,7 @@ def test_samplers_take_turns():
         ({"spp": (8,)}, "two or more ascending"),
         ({"spp": (8, 4)}, "two or more ascending"),
         ({"runs": 1}, "runs = 1: at least 2"),
-        ({"sampling": ("full-cdf", "full-cdf")}, "name each sampler once"),
+        ({"sampling": ("full-cdf", "full-cdf")}, "one or more with different names"),
         ({"reference_spp": 8}, "reference_spp = 8: the reference needs at least"),
     ],
 )
@@ -225,7 +144,7 @@ def test_results_hold_what_the_schema_says(stopped_and_continued):
     reference = Image.load(folder / "images" / "patch-reference.exr")
     assert reference.variance is not None
     assert reference.variance.mean() == pytest.approx(found["reference"]["mse"], rel=1e-4)
-    for sampler in found["samplers"]:
+    for sampler in found["variants"]:
         assert set(sampler["setup"]) >= {"bvh", "tables", "compile", "first_sample"}
         assert sum(sampler["lobes"]["shares"].values()) == pytest.approx(1.0)
         assert sampler["nonfinite"] == 0
@@ -274,7 +193,7 @@ def test_a_biased_sampler_is_seen(device, cache, tmp_path):
     finally:
         samplers.unregister("wrong")
     found = results["scenes"][0]
-    right, wrong_one = (s["spp"][-1]["mean_over_reference"] for s in found["samplers"])
+    right, wrong_one = (s["spp"][-1]["mean_over_reference"] for s in found["variants"])
     assert right["low"] < 1.0 < right["high"]
     assert wrong_one["high"] < 0.99
     assert found["reference"]["sampling"] == "uniform-h"

@@ -1,4 +1,4 @@
-"""Error against run time of samplers, by independent renders against a reference.
+"""Error against run time of variants of a scene, by independent renders against a reference.
 
 The protocol is in docs/convergence.md. `run` renders what is missing in a folder and returns the
 results; a run that was stopped goes on where it stopped.
@@ -18,7 +18,7 @@ import numpy as np
 from furcl.bench.convergence_plan import Plan
 from furcl.bench.convergence_reference import (
     Reference,
-    choose_sampler,
+    choose_variant,
     digest,
     kernel_digest,
     reference_samples_left,
@@ -26,6 +26,7 @@ from furcl.bench.convergence_reference import (
     scene_digest,
 )
 from furcl.bench.convergence_results import assemble, scene_facts, write_results
+from furcl.bench.convergence_variants import Variant, checks, chosen, settings_of
 from furcl.device.choice import Device, open_device
 from furcl.errors import BenchError
 from furcl.fibre.samplers import BUILT_IN
@@ -33,7 +34,6 @@ from furcl.files import atomic_path
 from furcl.image import compare
 from furcl.image.image import Image
 from furcl.rendering.renderer import Progress, Renderer
-from furcl.scene.read import with_overrides
 from furcl.scene.tables import Scene
 
 log = logging.getLogger(__name__)
@@ -152,7 +152,10 @@ class _Bench:
     def run(self) -> None:
         """Render everything that is missing."""
         content = scene_digest(self.scene)
-        renderers = {name: self._renderer(name) for name in self.plan.sampling}
+        start = time.perf_counter()
+        self.curves = self.scene.build_curves()
+        self.grown = time.perf_counter() - start
+        renderers = {variant.name: self._renderer(variant) for variant in self.plan.variants}
         keys = {name: self._key(content, r) for name, r in renderers.items()}
         self._check_keys(keys)
         reference = self._reference(content, renderers)
@@ -164,32 +167,40 @@ class _Bench:
             self.state.save()
             log.debug("%s: %.2f s, RMSE %.4g", key, record["seconds"], record["rmse"])
 
-    def _renderer(self, sampling: str) -> Renderer:
+    def _renderer(self, variant: Variant) -> Renderer:
         """A renderer that has compiled all that its first render would."""
-        renderer = Renderer(with_overrides(self.scene, sampling=sampling), self.device)
+        own = variant.scene(self.scene)
+        renderer = Renderer(own, self.device, curves=self.curves)
         start = time.perf_counter()
         renderer.advance(1)
         first = time.perf_counter() - start
-        setup = {name: renderer.seconds[name] for name in ("curves", "bvh", "tables", "compile")}
-        self.state.data["setup"][f"{self.scene.name}|{sampling}"] = {
-            **setup,
-            "first_sample": first,
-            "bytes": renderer.stats()["bytes"],
+        found = chosen(own, renderer.features)
+        self.state.data["setup"][f"{self.scene.name}|{variant.name}"] = {
+            "settings": settings_of(own),
+            "chosen": found,
+            "compiled": json.loads(json.dumps(renderer.stats()["features"]["compiled"])),
+            "checks": checks(self.scene, own, found),
+            "setup": {
+                "curves": self.grown,
+                **{name: renderer.seconds[name] for name in ("bvh", "tables", "compile")},
+                "first_sample": first,
+                "bytes": renderer.stats()["bytes"],
+            },
         }
         return renderer
 
     def _key(self, content: str, renderer: Renderer) -> str:
         device = (self.device.name, self.device.platform, self.device.driver_version)
-        return digest(content, kernel_digest(renderer), device)
+        return digest(content, settings_of(renderer.scene), kernel_digest(renderer), device)
 
     def _check_keys(self, keys: Mapping[str, str]) -> None:
         for key, record in self.state.data["renders"].items():
             scene, name = key.split("|")[:2]
             if scene == self.scene.name and name in keys and record["key"] != keys[name]:
                 raise BenchError(
-                    f"{self.state.path}: holds renders of {scene} by {name} from another scene, "
-                    f"size, device or version of the kernels; continue with what it was begun "
-                    f"with, or give another folder"
+                    f"{self.state.path}: holds renders of {scene} by {name} with another scene, "
+                    f"size, settings, device or version of the kernels; continue with what it was "
+                    f"begun with, or give another folder"
                 )
         self.keys = keys
 
@@ -218,23 +229,30 @@ class _Bench:
         return renderer.image(), renderer.seconds["render"], cpu
 
     def _reference(self, content: str, renderers: Mapping[str, Renderer]) -> Reference:
-        able = {name: r for name, r in renderers.items() if name in BUILT_IN}
-        if not able:
-            able = {"full-cdf": self._renderer("full-cdf")}
-        name, figures = choose_sampler(
-            able, self.plan.seed_of, lambda r, s, n: self._render_once(r, s, n, count=False)
+        name, figures = choose_variant(
+            {name: r for name, r in renderers.items() if self._may_be_reference(name, r)},
+            self.plan.seed_of,
+            lambda renderer, seed, spp: self._render_once(renderer, seed, spp, count=False),
         )
-        arguments = (able[name], content, self.plan.reference_spp, self.plan.seed_of)
+        if name is None:
+            name, chosen_one = "full-cdf", self._renderer(Variant.of_sampler("full-cdf"))
+        else:
+            chosen_one = renderers[name]
+        arguments = (chosen_one, content, self.plan.reference_spp, self.plan.seed_of)
         left = reference_samples_left(*arguments)
         self.counter.forget((self.plan.reference_spp - left) * self.n_pixels)
         reference = render_reference(*arguments, self._render_once)
         reference.image.save(self.folder / IMAGES / f"{self.scene.name}-reference.exr")
-        curves = self.scene.build_curves()
         self.state.data["scenes"][self.scene.name] = {
-            **scene_facts(self.scene, curves),
-            "reference": {**reference.facts, "pilot": figures},
+            **scene_facts(self.scene, self.curves),
+            "reference": {"variant": name, **reference.facts, "pilot": figures},
         }
         return reference
+
+    def _may_be_reference(self, name: str, renderer: Renderer) -> bool:
+        """Samplers of the user's may be wrong, and other settings may show another picture."""
+        facts = self.state.data["setup"][f"{self.scene.name}|{name}"]
+        return renderer.scene.render.sampling in BUILT_IN and facts["checks"]["mean"] is None
 
     def _measure(
         self, renderer: Renderer, reference: Reference, run: int, spp: int, name: str
@@ -242,12 +260,12 @@ class _Bench:
         """One render and its errors."""
         seed = self.plan.seed_of(self.scene.name, name, spp, run)
         image, seconds, cpu_seconds = self._render_once(renderer, seed, spp)
-        assert image.variance is not None
         truth = reference.image.rgb
         weight = 1.0 / (truth.astype(np.float64) ** 2 + compare.REL_EPSILON)
         raw = compare.rmse(image.rgb, truth) ** 2
         mse = raw - float(reference.variance.mean())
         stats = image.stats
+        own = image.variance if renderer.scene.render.variance else None
         record = {
             "key": self.keys[name],
             "seed": seed,
@@ -259,7 +277,7 @@ class _Bench:
             "relmse": compare.relmse(image.rgb, truth)
             - float((reference.variance * weight).mean()),
             "flip": compare.flip(image.rgb, truth),
-            "variance": float(image.variance.astype(np.float64).mean()),
+            "variance": None if own is None else float(own.astype(np.float64).mean()),
             "mean": float(image.rgb.astype(np.float64).mean()),
             "rays": stats["rays"],
             "paths": stats["paths"],

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from furcl.bench.convergence_variants import Variant
 from furcl.errors import BenchError
 from furcl.fibre import samplers
 from furcl.scene.read import with_overrides
@@ -38,20 +39,31 @@ def quick_scene(scene: Scene, *, keep_size: bool = False) -> Scene:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Scenes, samplers and sample counts to compare.
+    """Scenes, variants and sample counts to compare.
 
     Attributes
     ----------
-    scenes : tuple of Scene     with different names; their spp, seed and sampling are not used
-    sampling : tuple of str     names; the others are compared with the first
-    spp : tuple of int          ascending, at least two
-    runs : int                  independent renders of each, 5 or more for good intervals
-    seed : int                  all seeds follow from it
-    reference_spp : int         of the reference image; 0 for 16 times the largest of `spp`
+    scenes : tuple of Scene         with different names; their spp and seed are not used
+    variants : tuple of Variant     what is compared; once the plan is made also those of `sampling`
+    sampling : tuple of str         the short form: names of samplers, each a variant; those of
+                                    furcl if left out and no variants are given
+    baseline : str                  name of the variant that others are compared with; the first if
+                                    left out
+    spp : tuple of int              ascending, at least two
+    runs : int                      independent renders of each, 5 or more for good intervals
+    seed : int                      all seeds follow from it
+    reference_spp : int             of the reference image; 0 for 16 times the largest of `spp`
+
+    Raises
+    ------
+    BenchError      what shows nothing, and settings that a scene refuses
+    SamplerError    a name of `sampling` that is not known
     """
 
     scenes: tuple[Scene, ...]
-    sampling: tuple[str, ...] = SAMPLING
+    variants: tuple[Variant, ...] = ()
+    sampling: tuple[str, ...] | None = None
+    baseline: str = ""
     spp: tuple[int, ...] = SPP
     runs: int = RUNS
     seed: int = 1
@@ -64,10 +76,7 @@ class Plan:
                 f"scenes {names}: one or more scenes with different names are needed; rename the "
                 f"files or set `name`"
             )
-        if not self.sampling or len(set(self.sampling)) != len(self.sampling):
-            raise BenchError(f"sampling {list(self.sampling)}: name each sampler once")
-        for name in self.sampling:
-            samplers.find(name)
+        self._take_variants()
         if len(self.spp) < 2 or list(self.spp) != sorted(set(self.spp)) or self.spp[0] < 2:
             raise BenchError(
                 f"spp {list(self.spp)}: two or more ascending numbers from 2 on are needed: the "
@@ -86,19 +95,46 @@ class Plan:
                 f"samples as the largest spp, {self.spp[-1]}; 16 times that is the default"
             )
 
-    def renders(self) -> Iterator[tuple[int, int, str]]:
-        """(run, spp, sampling) of one scene in the order of rendering.
+    def _take_variants(self) -> None:
+        short = self.sampling
+        if short is None:
+            short = () if self.variants else SAMPLING
+        for name in short:
+            samplers.find(name)
+        variants = (*self.variants, *map(Variant.of_sampler, short))
+        names = [variant.name for variant in variants]
+        if not names or len(set(names)) != len(names):
+            raise BenchError(f"variants {names}: one or more with different names are needed")
+        if self.baseline and self.baseline not in names:
+            raise BenchError(
+                f"baseline {self.baseline!r}: no variant has that name; there are "
+                f"{', '.join(names)}"
+            )
+        for scene in self.scenes:
+            for variant in variants:
+                variant.scene(scene)
+        object.__setattr__(self, "sampling", short)
+        object.__setattr__(self, "variants", variants)
+        object.__setattr__(self, "baseline", self.baseline or names[0])
 
-        Samplers take turns, A B C A B C, so that a machine that slows down hurts all alike.
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variants."""
+        return tuple(variant.name for variant in self.variants)
+
+    def renders(self) -> Iterator[tuple[int, int, str]]:
+        """(run, spp, name of the variant) of one scene in the order of rendering.
+
+        Variants take turns, A B C A B C, so that a machine that slows down hurts all alike.
         """
         for run in range(self.runs):
             for spp in self.spp:
-                for sampling in self.sampling:
-                    yield run, spp, sampling
+                for name in self.names:
+                    yield run, spp, name
 
     def samples_a_pixel(self) -> int:
         """Samples that every pixel of a scene gets in all measured renders."""
-        return self.runs * sum(self.spp) * len(self.sampling)
+        return self.runs * sum(self.spp) * len(self.variants)
 
     def seed_of(self, *what: object) -> int:
         """The seed of one render: a hash of the plan's seed and what the render is."""

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from furcl.fibre import samplers
+from furcl.bench.convergence_variants import settings_of
 from furcl.image.image import Image
 from furcl.paths import cache_folder
 from furcl.rendering.renderer import Renderer
@@ -60,11 +60,9 @@ def kernel_digest(renderer: Renderer) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """A hash of all that the picture of a scene follows from, but samples, seed and sampler."""
+    """A hash of all that the picture of a scene follows from, but the table [render]."""
     document = msgspec.to_builtins(scene)
-    for name in ("spp", "seed", "sampling"):
-        del document["render"][name]
-    del document["name"], document["film"]["exposure_stops"]
+    del document["render"], document["name"], document["film"]["exposure_stops"]
     curves = scene.build_curves()
     arrays = (curves.points, curves.radii, curves.offsets)
     parts: list[object] = [np.ascontiguousarray(array).tobytes() for array in arrays]
@@ -75,23 +73,24 @@ def scene_digest(scene: Scene) -> str:
     return digest(document, *parts)
 
 
-def choose_sampler(
+def choose_variant(
     renderers: Mapping[str, Renderer], seed_of: Callable[..., int], render_once: RenderOnce
-) -> tuple[str, dict[str, float]]:
-    """The sampler with the lowest variance for the same rays, by a pilot of 8 samples a pixel.
+) -> tuple[str | None, dict[str, float]]:
+    """The variant with the lowest variance for the same rays, by two pilots of 8 samples a pixel.
 
-    Only samplers that come with furcl may make the reference: one that is being tried out may be
-    wrong. Returns its name and the figure of each, variance times rays a path.
+    The variance is that between the two, since within one samples may depend on each other. If some
+    variants sample the light, only those take part: what is found by chance a pilot may miss
+    altogether, such as a small sun, and then its variance looks lowest.
+    Returns its name, None if there are none, and the figure of each: variance times rays a path.
     """
     figures = {}
-    for name, renderer in renderers.items():
-        if name not in samplers.BUILT_IN:
-            continue
-        image, _, _ = render_once(renderer, seed_of(name, "pilot"), PILOT_SPP)
-        assert image.variance is not None
-        rays = image.stats["rays"] / image.stats["paths"]
-        figures[name] = float(image.variance.astype(np.float64).mean() * PILOT_SPP * rays)
-    return min(figures, key=figures.__getitem__), figures
+    sampled = {name: r for name, r in renderers.items() if r.features.light_sampling}
+    for name, renderer in (sampled or renderers).items():
+        a, b = (render_once(renderer, seed_of(name, "pilot", k), PILOT_SPP)[0] for k in range(2))
+        difference = a.rgb.astype(np.float64) - b.rgb
+        rays = a.stats["rays"] / a.stats["paths"]
+        figures[name] = float(0.5 * (difference**2).mean() * PILOT_SPP * rays)
+    return min(figures, key=figures.__getitem__, default=None), figures
 
 
 def render_reference(
@@ -103,16 +102,15 @@ def render_reference(
 ) -> Reference:
     """Load or render the reference, in 8 independent parts of which each is kept when done.
 
+    Its variance is that between the parts: within one, samples may depend on each other.
+
     Parameters
     ----------
     content : str       `scene_digest` of the scene
     spp : int           samples a pixel of all parts together, rounded up to a multiple of 8
     """
     part_spp = -(-spp // N_CHUNKS)
-    sampling = renderer.scene.render.sampling
-    first_seed = seed_of("reference", 0)
-    key = digest(content, kernel_digest(renderer), part_spp, first_seed)
-    folder = cache_folder() / "references" / key
+    folder = _folder(renderer, content, part_spp, seed_of)
     folder.mkdir(parents=True, exist_ok=True)
     parts = []
     for k in range(N_CHUNKS):
@@ -122,18 +120,14 @@ def render_reference(
             image.stats["wall_seconds"] = seconds
             image.save(path)
         parts.append(Image.load(path))
-    rgb = np.mean([part.rgb.astype(np.float64) for part in parts], axis=0)
-    if renderer.features.sequence == "independent":
-        variances = [np.asarray(part.variance, np.float64) for part in parts]
-        variance = np.sum(variances, axis=0) / N_CHUNKS**2
-    else:
-        # Samples of a part depend on each other, parts do not.
-        variance = np.var([part.rgb.astype(np.float64) for part in parts], axis=0, ddof=1)
-        variance /= N_CHUNKS
+    pictures = [part.rgb.astype(np.float64) for part in parts]
+    rgb = np.mean(pictures, axis=0)
+    variance = np.var(pictures, axis=0, ddof=1) / N_CHUNKS
+    render = renderer.scene.render
     facts = {
-        "sampling": sampling,
-        "light_sampling": renderer.scene.render.light_sampling,
-        "sequence": renderer.features.sequence,
+        "sampling": render.sampling,
+        "light_sampling": render.light_sampling,
+        "sequence": render.sequence,
         "spp": part_spp * N_CHUNKS,
         "parts": N_CHUNKS,
         "seconds": sum(part.stats["wall_seconds"] for part in parts),
@@ -142,7 +136,7 @@ def render_reference(
         "mean_error": float(np.sqrt(3.0 * variance.sum()) / variance.size),
         "mse": float(variance.mean()),
         "rmse": float(np.sqrt(variance.mean())),
-        "key": key,
+        "key": folder.name,
     }
     return Reference(Image(rgb.astype(np.float32), variance.astype(np.float32)), facts)
 
@@ -152,6 +146,12 @@ def reference_samples_left(
 ) -> int:
     """Samples a pixel that `render_reference` has still to render."""
     part_spp = -(-spp // N_CHUNKS)
-    key = digest(content, kernel_digest(renderer), part_spp, seed_of("reference", 0))
-    folder = cache_folder() / "references" / key
+    folder = _folder(renderer, content, part_spp, seed_of)
     return part_spp * sum(not (folder / f"part{k}.exr").exists() for k in range(N_CHUNKS))
+
+
+def _folder(renderer: Renderer, content: str, part_spp: int, seed_of: Callable[..., int]) -> Path:
+    """Where the parts of a reference are kept."""
+    settings = settings_of(renderer.scene)
+    key = digest(content, settings, kernel_digest(renderer), part_spp, seed_of("reference", 0))
+    return cache_folder() / "references" / key

@@ -23,28 +23,31 @@ from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import Device
 from furcl.files import atomic_path
 from furcl.groom.curves import Curves
+from furcl.scene.schema import files_in
 from furcl.scene.tables import Scene
 
-SCHEMA = "furcl-convergence-1"
+SCHEMA = "furcl-convergence-2"
 CONFIDENCE_95 = 1.96  # standard errors of a normal variable
 MEASURES = ("seconds", "cpu_seconds", "rmse", "relmse", "flip")
-# What must hold of an unbiased sampler: -1/2, 1 and 1. Where samples of a pixel depend on each
-# other the error falls faster, and is below that which the pixel's own variance says.
-CHECKS: dict[str, list[str]] = {
-    "independent": ["slope", "mse_over_variance", "mean_over_reference"],
-    "sobol": ["mean_over_reference"],
-}
 CSV_COLUMNS = (
-    "scene", "sampling", "spp", "run", "seed", "seconds", "cpu_seconds", "mse_against_reference",
+    "scene", "variant", "spp", "run", "seed", "seconds", "cpu_seconds", "mse_against_reference",
     "mse", "rmse", "relmse", "flip", "variance", "mean", "rays", "paths", "path_length",
     "hits_per_path", "nonfinite",
 )  # fmt: skip
 
 
 def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
-    """Size, groom, light and how wide the fibres are on the film."""
+    """Size, groom, light and how wide the fibres are on the film.
+
+    Files below the current folder are named as from there.
+    """
     camera = scene.resolved_camera(curves)
     assert camera.origin is not None
+    document = msgspec.json.decode(msgspec.json.encode(scene))
+    for keys, table in files_in(document):
+        path = Path(table[keys[-1]])
+        if path.is_relative_to(Path.cwd()):
+            table[keys[-1]] = str(path.relative_to(Path.cwd()))
     distances = np.linalg.norm(curves.points - np.asarray(camera.origin), axis=1)
     pixel = 2.0 * math.tan(0.5 * math.radians(camera.vfov_deg)) / scene.film.height
     return {
@@ -53,7 +56,7 @@ def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
         "strands": curves.n_strands,
         "segments": curves.n_segments,
         "fibre_width_px": float(np.median(2.0 * curves.radii / (distances * pixel))),
-        "document": msgspec.json.decode(msgspec.json.encode(scene)),
+        "document": document,
     }
 
 
@@ -62,7 +65,7 @@ def assemble(
 ) -> dict[str, Any]:
     """The results of what has been rendered so far.
 
-    Samplers of a scene are compared over the runs that all of them have at all sample counts.
+    Variants of a scene are compared over the runs that all of them have at all sample counts.
     """
     records = _in_plan(plan, data["renders"])
     return {
@@ -70,7 +73,8 @@ def assemble(
         **circumstances(device),
         "complete": complete,
         "plan": {
-            "sampling": list(plan.sampling),
+            "variants": [variant.as_dict() for variant in plan.variants],
+            "baseline": plan.baseline,
             "spp": list(plan.spp),
             "runs": plan.runs,
             "seed": plan.seed,
@@ -80,14 +84,13 @@ def assemble(
             {
                 "name": scene.name,
                 **data["scenes"][scene.name],
-                "checks": CHECKS[scene.render.sequence],
                 **_scene_results(plan, scene.name, records, data),
             }
             for scene in plan.scenes
             if scene.name in data["scenes"]
         ],
         "renders": [
-            {"scene": scene, "sampling": name, "spp": spp, "run": run, **record}
+            {"scene": scene, "variant": name, "spp": spp, "run": run, **record}
             for (scene, name, spp, run), record in records.items()
         ],
     }
@@ -115,19 +118,12 @@ def _scene_results(
     whole = [
         run
         for run in range(plan.runs)
-        if all((scene, n, spp, run) in records for n in plan.sampling for spp in plan.spp)
+        if all((scene, n, spp, run) in records for n in plan.names for spp in plan.spp)
     ]
-    curves = {
-        name: Curve(
-            np.array(plan.spp, np.float64),
-            _table(records, scene, name, plan.spp, whole, "seconds"),
-            _table(records, scene, name, plan.spp, whole, "rmse"),
-        )
-        for name in plan.sampling
-    }
+    curves = {name: _curve(records, scene, name, plan.spp, whole) for name in plan.names}
     found = []
-    for name in plan.sampling:
-        entry: dict[str, Any] = {"name": name, "setup": setup.get(f"{scene}|{name}", {})}
+    for name in plan.names:
+        entry: dict[str, Any] = {"name": name, **setup.get(f"{scene}|{name}", {})}
         entry["spp"] = [
             _cell(spp, rows, reference)
             for spp in plan.spp
@@ -140,16 +136,27 @@ def _scene_results(
         entry |= _lobe_statistics(
             [r for (s, n, _, _), r in records.items() if (s, n) == (scene, name)]
         )
-        if whole:
+        if curves[name].resolved:
             entry["slope"] = slope(plan.spp, curves[name].rmse).as_dict()
         found.append(entry)
-    baseline = plan.sampling[0]
+    base = plan.baseline
     comparisons = [
-        {"sampling": name, "baseline": baseline, **compare_curves(curves[name], curves[baseline])}
-        for name in plan.sampling[1:]
-        if whole
+        {"variant": name, "baseline": base, **compare_curves(curves[name], curves[base])}
+        for name in plan.names
+        if name != base and curves[name].resolved and curves[base].resolved
     ]
-    return {"complete_runs": len(whole), "samplers": found, "comparisons": comparisons}
+    return {
+        "complete_runs": len(whole),
+        "variants": found,
+        "comparisons": comparisons,
+        "unresolved": [name for name in plan.names if whole and not curves[name].resolved],
+    }
+
+
+def _curve(records: Records, scene: str, name: str, spp: tuple[int, ...], runs: list[int]) -> Curve:
+    """What a variant did in some runs."""
+    measures = (_table(records, scene, name, spp, runs, m) for m in ("seconds", "rmse", "rays"))
+    return Curve(np.array(spp, np.float64), *measures)
 
 
 def _table(
@@ -161,12 +168,13 @@ def _table(
 
 
 def _cell(spp: int, rows: list[Mapping[str, Any]], reference: Mapping[str, Any]) -> dict[str, Any]:
-    """One sampler at one sample count."""
+    """One variant at one sample count."""
     cell: dict[str, Any] = {"spp": spp, "runs": len(rows)}
     for name in MEASURES:
         cell[name] = mean_interval([row[name] for row in rows]).as_dict()
-    cell["variance"] = float(np.mean([row["variance"] for row in rows]))
-    positive = [row["mse"] / row["variance"] for row in rows if row["variance"] > 0.0 < row["mse"]]
+    own = [row["variance"] for row in rows]
+    cell["variance"] = None if None in own else float(np.mean(own))
+    positive = [row["mse"] / row["variance"] for row in rows if row["variance"] and row["mse"] > 0]
     cell["mse_over_variance"] = ratio_interval(positive).as_dict() if positive else None
     ratio = mean_interval([row["mean"] / reference["mean"] for row in rows])
     cell["mean_over_reference"] = ratio.widened(
@@ -175,12 +183,13 @@ def _cell(spp: int, rows: list[Mapping[str, Any]], reference: Mapping[str, Any])
     cell["reference_share"] = float(
         np.mean([1.0 - row["mse"] / row["mse_against_reference"] for row in rows])
     )
+    cell["rays"] = float(np.mean([row["rays"] for row in rows]))
     cell["mrays_s"] = float(np.mean([row["rays"] / row["seconds"] / 1e6 for row in rows]))
     return cell
 
 
 def _lobe_statistics(rows: list[Mapping[str, Any]]) -> dict[str, Any]:
-    """Over all renders of a sampler: which lobes it chose, and how long its paths were."""
+    """Over all renders of a variant: which lobes it chose, and how long its paths were."""
     if not rows:
         return {}
     counts = {name: sum(row["lobes"][name] for row in rows) for name in rows[0]["lobes"]}

@@ -1,7 +1,7 @@
 """Means, intervals and comparisons of repeated renders.
 
 All intervals are Student t intervals over independent runs. Ratios and slopes are taken run by run,
-in logarithms: the samplers of one run were rendered side by side, so what slowed the machine then
+in logarithms: the variants of one run were rendered side by side, so what slowed the machine then
 slowed them all.
 """
 
@@ -59,7 +59,7 @@ def ratio_interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Estimat
 
 
 def slope(spp: ArrayLike, error: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
-    """Exponent of the error as a power of the number of samples: -1/2 for Monte Carlo.
+    """Exponent of the error as a power of the number of samples: -1/2 for independent samples.
 
     Parameters
     ----------
@@ -89,25 +89,34 @@ def interpolate(at: float, x: ArrayLike, y: ArrayLike, power: float) -> tuple[fl
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """What one sampler did in every run: (runs, k) arrays over the k sample counts `spp`."""
+    """What one variant did in every run: (runs, k) arrays over the k sample counts `spp`."""
 
     spp: NDArray[np.float64]
     seconds: NDArray[np.float64]
     rmse: NDArray[np.float64]
+    rays: NDArray[np.float64]
+
+    @property
+    def resolved(self) -> bool:
+        """Whether there are runs, and every error of them is above that of the reference."""
+        return bool(self.rmse.size and np.all(self.rmse > 0.0))
 
 
 def compare_curves(curve: Curve, baseline: Curve) -> dict[str, Any]:
-    """A sampler against a baseline rendered in the same runs.
+    """A variant against a baseline rendered in the same runs; both are `resolved`.
+
+    Efficiency is 1 / (MSE x seconds), efficiency_rays 1 / (MSE x rays), each over that of the
+    baseline.
 
     Returns
     -------
-    dict with, for every sample count of the sampler,
-        same_spp        rmse_ratio, seconds_ratio at the same number of samples
+    dict with, for every sample count of the variant,
+        same_spp        rmse_ratio, seconds_ratio, efficiency and efficiency_rays at the same number
+                        of samples
         equal_time      rmse_ratio when the baseline renders as long, its rmse and its spp then,
                         `extrapolated` if that is beyond what was measured
-        equal_error     speed_up: the baseline's time to the same RMSE over the sampler's
-    and efficiency: (RMSE^2 x time) of the baseline over that of the sampler, over all counts;
-    ratios are Estimates as dicts
+        equal_error     speed_up: the baseline's time to the same RMSE over the variant's
+    and efficiency and efficiency_rays over all counts; ratios are Estimates as dicts
     """
     same, equal_time, equal_error = [], [], []
     n_runs = len(curve.rmse)
@@ -131,6 +140,8 @@ def compare_curves(curve: Curve, baseline: Curve) -> dict[str, Any]:
                     "spp": int(spp),
                     "rmse_ratio": _ratio(curve.rmse[:, k], baseline.rmse[:, j]),
                     "seconds_ratio": _ratio(curve.seconds[:, k], baseline.seconds[:, j]),
+                    "efficiency": _gain(curve, baseline, "seconds", [k], [j]),
+                    "efficiency_rays": _gain(curve, baseline, "rays", [k], [j]),
                 }
             )
         equal_time.append(
@@ -152,13 +163,24 @@ def compare_curves(curve: Curve, baseline: Curve) -> dict[str, Any]:
                 "extrapolated": beyond_error,
             }
         )
-    cost, base_cost = (np.log(c.rmse**2 * c.seconds).mean(axis=1) for c in (curve, baseline))
+    common = [n for n in curve.spp if n in baseline.spp]
+    places = [[int(np.flatnonzero(c.spp == n)[0]) for n in common] for c in (curve, baseline)]
     return {
         "same_spp": same,
         "equal_time": equal_time,
         "equal_error": equal_error,
-        "efficiency": ratio_interval(np.exp(base_cost - cost)).as_dict(),
+        "efficiency": _gain(curve, baseline, "seconds", *places) if common else None,
+        "efficiency_rays": _gain(curve, baseline, "rays", *places) if common else None,
     }
+
+
+def _gain(
+    curve: Curve, baseline: Curve, cost: str, places: list[int], base_places: list[int]
+) -> dict[str, Any]:
+    """MSE x cost of the baseline over that of a variant, the mean over some sample counts."""
+    mine = np.log(curve.rmse**2 * getattr(curve, cost))[:, places]
+    base = np.log(baseline.rmse**2 * getattr(baseline, cost))[:, base_places]
+    return ratio_interval(np.exp((base - mine).mean(axis=1))).as_dict()
 
 
 def _ratio(values: ArrayLike, over: ArrayLike) -> dict[str, Any]:

@@ -29,9 +29,16 @@ def convergence(
         Path,
         typer.Option("--output", "-o", help="Folder; one that holds a stopped run continues it."),
     ],
-    sampling: Annotated[
-        str | None, typer.Option(help="Names, A,B,C; the others are compared with the first.")
+    variant: Annotated[
+        list[str] | None,
+        typer.Option(help="One to compare: 'NAME: KEY=VALUE ...', keys of [render] and [film]."),
     ] = None,
+    sampling: Annotated[
+        str | None, typer.Option(help="The short form: names of samplers, A,B,C, each a variant.")
+    ] = None,
+    baseline: Annotated[
+        str, typer.Option(help="Variant that the others are compared with; the first, if left out.")
+    ] = "",
     sampler: Annotated[list[Path] | None, SAMPLER_FILE] = None,
     spp: Annotated[
         str | None, typer.Option(help="Samples per pixel, ascending: 64,128,256.")
@@ -46,9 +53,10 @@ def convergence(
     quick: Annotated[bool, QUICK] = False,
     overrides: Overrides = None,
 ) -> None:
-    """Compare the error of samplers over run time, against a reference, with intervals."""
+    """Compare the error of variants of a scene over run time, against a reference."""
     from furcl.bench import convergence as bench
     from furcl.bench.convergence_plan import QUICK_SPP, SAMPLING, SPP, Plan, quick_scene
+    from furcl.bench.convergence_variants import Variant
     from furcl.fibre import samplers
     from furcl.report.convergence import interval, write_report
     from furcl.scene.read import load_scene
@@ -57,9 +65,15 @@ def convergence(
     if quick:
         loaded = [quick_scene(scene, keep_size=size is not None) for scene in loaded]
     own = [samplers.register(path.stem, path).name for path in sampler or ()]
+    variants = tuple(Variant.parse(text) for text in variant or ())
+    named = sampling.split(",") if sampling else () if variants else SAMPLING
+    used = {setting for one in variants for setting in one.settings}
+    own = [name for name in own if f"render.sampling={name}" not in used]
     plan = Plan(
         tuple(loaded),
-        sampling=(*(sampling.split(",") if sampling else SAMPLING), *own),
+        variants,
+        sampling=(*named, *own),
+        baseline=baseline,
         spp=_numbers(spp) if spp else QUICK_SPP if quick else SPP,
         runs=runs,
         seed=seed,
@@ -78,8 +92,15 @@ def convergence(
         for found in scene["comparisons"]:
             ratio = found["equal_time"][-1]["rmse_ratio"]
             typer.echo(
-                f"{scene['name']}: RMSE of {found['sampling']} at equal time over that of "
-                f"{found['baseline']}: {interval(ratio)}"
+                f"{scene['name']}: RMSE of {found['variant']} at equal time over that of "
+                f"{found['baseline']}: {interval(ratio)}; efficiency "
+                f"{interval(found['efficiency'])}"
+            )
+        if scene["unresolved"]:
+            log.warning(
+                "%s: an error of %s is below that of the reference; give a larger --reference-spp",
+                scene["name"],
+                ", ".join(scene["unresolved"]),
             )
     log.info("wrote %s, results.json and results.csv", page)
     if not results["complete"]:

@@ -9,8 +9,10 @@ from typing import Any
 
 from furcl.image.image import Image
 from furcl.report import convergence_plots as plots
+from furcl.report.convergence_schema import upgraded
 from furcl.report.page import load_results, write_page
 
+MAX_CROPS = 6
 CROP_SPP = 256  # as the paper's crops, or the largest number below that was rendered
 _MIME = {".svg": "image/svg+xml", ".png": "image/png"}
 
@@ -27,7 +29,7 @@ def write_report(folder: str | Path) -> Path:
     BenchError      no results.json, or one of another kind
     """
     folder = Path(folder)
-    results = load_results(folder, "convergence")
+    results = upgraded(load_results(folder, "convergence"))
     (folder / "plots").mkdir(exist_ok=True)
     figures = {scene["name"]: _draw(scene, folder) for scene in results["scenes"]}
     return write_page(
@@ -40,6 +42,8 @@ def write_report(folder: str | Path) -> Path:
             "number": number,
             "data_uri": data_uri,
             "share": share,
+            "chosen": chosen,
+            "settings": settings,
         },
         results=results,
         figures=figures,
@@ -55,18 +59,38 @@ def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:
         plots.save(figure, path, dpi=150)
     drawn["rmse"] = folder / "plots" / f"{scene['name']}-rmse.svg"
     reference = folder / "images" / f"{scene['name']}-reference.exr"
-    counts = [cell["spp"] for cell in scene["samplers"][0]["spp"]]
+    counts = [cell["spp"] for cell in scene["variants"][0]["spp"]]
     spp = max((n for n in counts if n <= CROP_SPP), default=max(counts, default=0))
     pictures = []
-    for sampler in scene["samplers"]:
-        path = folder / "images" / f"{scene['name']}-{sampler['name']}-{spp}.exr"
+    for name in _shown(scene):
+        path = folder / "images" / f"{scene['name']}-{name}-{spp}.exr"
         if path.exists():
-            pictures.append((sampler["name"], Image.load(path)))
+            pictures.append((name, Image.load(path)))
     if reference.exists() and pictures:
         figure = plots.crops(scene, spp, Image.load(reference), pictures)
         drawn["crops"] = folder / "plots" / f"{scene['name']}-crops.png"
         plots.save(figure, drawn["crops"], dpi=130)
     return drawn
+
+
+def _shown(scene: Mapping[str, Any]) -> list[str]:
+    """Names of the variants whose crops are shown: all, or the baseline and the most efficient."""
+    names = [variant["name"] for variant in scene["variants"]]
+    if len(names) <= MAX_CROPS or not scene["comparisons"]:
+        return names[:MAX_CROPS]
+    best = sorted(scene["comparisons"], key=lambda found: -found["efficiency"]["mean"])
+    shown = {best[0]["baseline"], *(found["variant"] for found in best[: MAX_CROPS - 1])}
+    return [name for name in names if name in shown]
+
+
+def chosen(found: Mapping[str, str]) -> str:
+    """What "auto" became, as key = value."""
+    return ", ".join(f"{key} = {value}" for key, value in found.items()) or "-"
+
+
+def settings(names: list[str]) -> str:
+    """Settings of a variant without the table [render], which most are of."""
+    return " ".join(name.removeprefix("render.") for name in names) or "the scene's"
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -96,10 +120,12 @@ def plus_minus(estimate: Mapping[str, Any], digits: int = 3) -> str:
     return f"{mean} ± {number(0.5 * (estimate['high'] - estimate['low']), 2)}"
 
 
-def verdict(estimate: Mapping[str, Any], less_is_better: bool = True) -> str:
+def verdict(estimate: Mapping[str, Any] | None, less_is_better: bool = True) -> str:
     """Whether the interval of a ratio lies on one side of 1: better, worse or even."""
+    if estimate is None or estimate["low"] is None:
+        return "even"
     low, high = estimate["low"], estimate["high"]
-    if low is None or low <= 1.0 <= high:
+    if low <= 1.0 <= high:
         return "even"
     return "better" if (high < 1.0) == less_is_better else "worse"
 

@@ -26,15 +26,23 @@ STYLES = (
     ("#E69F00", "v"),
     ("#56B4E9", "P"),
 )
+GROUP_WIDTH = 0.8  # of a number of samples, whose distance is 1
+LOG_BELOW = 0.5  # ratios are on a logarithmic axis where one is smaller
+LINES = ("-", "--", ":", "-.")
+LEGEND_COLUMNS = 5
 CROP_SHARE = 4  # a crop is a quarter of the picture wide
 ERROR_QUANTILE = 0.99
 MAX_TICKS = 7
 
 
 def style_of(index: int) -> dict[str, Any]:
-    """Colour and marker of the sampler of that index."""
+    """Colour, marker and line of the variant of that index; lines change after the last colour."""
     colour, marker = STYLES[index % len(STYLES)]
-    return {"color": colour, "marker": marker}
+    return {
+        "color": colour,
+        "marker": marker,
+        "linestyle": LINES[index // len(STYLES) % len(LINES)],
+    }
 
 
 def save(figure: Figure, path: Path, **options: Any) -> None:
@@ -45,11 +53,15 @@ def save(figure: Figure, path: Path, **options: Any) -> None:
 
 
 def error_over_time(scene: Mapping[str, Any]) -> Figure:
-    """RMSE over render time with 95 % bands, and the ratio at equal time to the first sampler."""
-    figure = Figure(figsize=(9.0, 3.9), layout="constrained")
+    """RMSE over render time, and the ratio at equal time to the baseline.
+
+    Curves have 95 % bands if there are few.
+    """
+    rows = -(-len(scene["variants"]) // LEGEND_COLUMNS)
+    figure = Figure(figsize=(9.0, 3.7 + 0.2 * rows), layout="constrained")
     curves, ratios = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    for index, sampler in enumerate(scene["samplers"]):
-        _draw_curve(curves, sampler, style_of(index))
+    for index, variant in enumerate(scene["variants"]):
+        _draw_curve(curves, variant, style_of(index), band=len(scene["variants"]) <= len(STYLES))
     curves.set(xscale="log", yscale="log", xlabel="render time [s]", ylabel="RMSE")
     for axis in (curves.xaxis, curves.yaxis):
         _plain_log_ticks(axis)
@@ -59,22 +71,26 @@ def error_over_time(scene: Mapping[str, Any]) -> Figure:
         axes.grid(True, which="both", linewidth=0.4, alpha=0.35)
         axes.spines[["top", "right"]].set_visible(False)
     handles, labels = curves.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    columns = min(len(labels), LEGEND_COLUMNS) or 1
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
     return figure
 
 
-def _draw_curve(axes: Axes, sampler: Mapping[str, Any], style: Mapping[str, Any]) -> None:
-    cells = sampler["spp"]
+def _draw_curve(
+    axes: Axes, variant: Mapping[str, Any], style: Mapping[str, Any], *, band: bool
+) -> None:
+    cells = variant["spp"]
     if not cells:
         return
     seconds, fast, slow = _ends(cell["seconds"] for cell in cells)
     rmse, low, high = _ends(cell["rmse"] for cell in cells)
-    axes.fill_between(
-        seconds, np.maximum(low, 0.5 * rmse), high, color=style["color"], alpha=0.2, linewidth=0
-    )
+    if band:
+        axes.fill_between(
+            seconds, np.maximum(low, 0.5 * rmse), high, color=style["color"], alpha=0.2, linewidth=0
+        )
     axes.errorbar(
         seconds, rmse, xerr=[seconds - np.maximum(fast, 0.5 * seconds), slow - seconds], **style,
-        markersize=4, linewidth=1.4, elinewidth=0.8, label=sampler["name"],
+        markersize=4, linewidth=1.4, elinewidth=0.8, label=variant["name"],
     )  # fmt: skip
 
 
@@ -88,23 +104,27 @@ def _ends(estimates: Iterable[Mapping[str, Any]]) -> tuple[np.ndarray, np.ndarra
 
 def _draw_ratios(axes: Axes, scene: Mapping[str, Any]) -> None:
     """Ratio of RMSE at equal time, one group of points for each sample count."""
-    names = [sampler["name"] for sampler in scene["samplers"]]
+    names = [variant["name"] for variant in scene["variants"]]
     comparisons = scene["comparisons"]
-    axes.axhline(1.0, color=STYLES[0][0], linewidth=1.2)
+    baseline = comparisons[0]["baseline"] if comparisons else names[0]
+    axes.axhline(1.0, color=style_of(names.index(baseline))["color"], linewidth=1.2)
+    step = min(0.16, GROUP_WIDTH / max(len(comparisons), 1))
     counts: list[int] = []
     for place, comparison in enumerate(comparisons):
         rows = comparison["equal_time"]
         counts = [row["spp"] for row in rows]
-        x = np.arange(len(rows)) + 0.16 * (place - 0.5 * (len(comparisons) - 1))
+        x = np.arange(len(rows)) + step * (place - 0.5 * (len(comparisons) - 1))
         mean, low, high = _ends(row["rmse_ratio"] for row in rows)
-        style = style_of(names.index(comparison["sampling"]))
+        style = {**style_of(names.index(comparison["variant"])), "linestyle": "none"}
         axes.errorbar(
-            x, mean, yerr=[mean - low, high - mean], **style, linestyle="none", markersize=5,
-            capsize=2.5, label=comparison["sampling"],
+            x, mean, yerr=[mean - low, high - mean], **style, markersize=4, capsize=2.0,
+            label=comparison["variant"],
         )  # fmt: skip
     axes.set_xticks(range(len(counts)), [f"{n} spp" for n in counts])
     axes.set_xlim(-0.6, max(len(counts) - 0.4, 0.6))
-    baseline = comparisons[0]["baseline"] if comparisons else names[0]
+    if any(row["rmse_ratio"]["mean"] < LOG_BELOW for c in comparisons for row in c["equal_time"]):
+        axes.set_yscale("log")
+        _plain_log_ticks(axes.yaxis)
     axes.set_title(f"RMSE at equal time over that of {baseline}", loc="left", fontsize=10)
 
 
@@ -136,7 +156,7 @@ def crop_window(variance: np.ndarray) -> tuple[int, int, int, int]:
 def crops(
     scene: Mapping[str, Any], spp: int, reference: Image, pictures: Sequence[tuple[str, Image]]
 ) -> Figure:
-    """The picture, and of one crop: reference, every sampler, and their absolute errors."""
+    """The picture, and of one crop: reference, some variants, and their absolute errors."""
     stops = scene["document"]["film"]["exposure_stops"]
     assert reference.variance is not None
     row, column, height, width = crop_window(reference.variance.astype(np.float64))
