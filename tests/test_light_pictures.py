@@ -37,16 +37,14 @@ def z_of_blocks(a, b) -> np.ndarray:
     return (blocks(a.rgb) - blocks(b.rgb)) / np.sqrt(variance)
 
 
-def patch(**render):
-    return with_overrides(
-        fur_patch(**{"spp": 256, **render}),
-        ["fibre.preset=raccoon", "environment.sun_radius_deg=20"],
-    )
+def patch(spp=1024, **render):
+    sun = "environment.sun_radius_deg=20"  # soft: rays alone find it often enough
+    return with_overrides(fur_patch(spp=spp, **render), ["fibre.preset=raccoon", sun])
 
 
 @pytest.fixture(scope="module")
 def without(device):
-    return furcl.render(patch(light_sampling="bcsdf", spp=1024, seed=7), device=device)
+    return furcl.render(patch(light_sampling="bcsdf", spp=8192, seed=11), device=device)
 
 
 @pytest.mark.statistical
