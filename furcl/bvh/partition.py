@@ -137,7 +137,7 @@ def top_blocks(
     Parameters
     ----------
     lanes : list                        what top_lanes returns for n chunks
-    boxes : (n, 2, 3) float32           corners of the chunks
+    boxes : (n, 2, 3) float64           corners of the chunks
     first_blocks : (n,)                 the root of each chunk
     stack_sizes : (n,)                  stack entries that a traversal of each can need
 
@@ -153,7 +153,7 @@ def top_blocks(
         children = lanes[i]
         lower = np.array([boxes[a:b, 0].min(axis=0) for a, b in children])
         upper = np.array([boxes[a:b, 1].max(axis=0) for a, b in children])
-        _write_boxes(blocks[i], lower.astype(np.float64), upper.astype(np.float64))
+        _write_boxes(blocks[i], lower, upper)
         below = []
         for lane, (a, b) in enumerate(children):
             single = b - a == 1
