@@ -220,10 +220,11 @@ def _build_blocks(
     """Build chunk after chunk behind the blocks over them; blocks, their number, stack size."""
     if n_chunks == 1:
         chunks, sizes = [curves.segment_vertices().view(np.uint32)], [curves.n_segments]
+        lanes = []
     else:
         chunks = Partition(curves, n_chunks)
         sizes = chunks.sizes
-    lanes = top_lanes(len(sizes))
+        lanes = top_lanes(len(sizes), chunks.stray)
     lo, hi = curves.bounds()
     blocks = memory.allocate("bvh", _BLOCK_BYTES)  # grows with what is learnt of the chunks
     roots, ends = [], [len(lanes)]
