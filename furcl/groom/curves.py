@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import GroomError
+from furcl.groom.close_points import without_short_segments
+from furcl.groom.copies import copied_strands
 
 MAX_POINTS = 2**31 - 1
 # Squares of coordinates and radii within these limits stay normal float32 numbers.
@@ -100,8 +102,9 @@ class Curves:
     ) -> "Curves":
         """Check arrays, drop what is harmless and make a groom of the rest.
 
-        A point that repeats the point before it (a segment shorter than 1e-18) is dropped, and
-        so is a strand of which one point is left; both are counted in `dropped`.
+        A point that repeats the point before it, or is nearer to it than 1/32 of the radius, is
+        dropped (furcl.groom.close_points), and so are strands of which one point is left, and
+        copies of earlier strands (furcl.groom.copies); all are counted in `dropped`.
 
         Parameters
         ----------
@@ -259,36 +262,24 @@ def _check_radii(radii, offsets, source):
 
 
 def _clean(points, radii, offsets, colours, source):
-    """Drop repeated points, then strands of which only one point is left."""
-    repeated = np.zeros(len(points), dtype=bool)
-    np.less(_segment_length_sq(points), MIN_MAGNITUDE**2, out=repeated[1:])
-    repeated[offsets[:-1]] = False
-    n_repeated = int(np.count_nonzero(repeated))
-    if n_repeated == 0:
-        return points, radii, offsets, colours, {}
-    counts = np.diff(offsets) - np.add.reduceat(repeated, offsets[:-1], dtype=np.int64)
-    collapsed = counts < 2
-    keep = ~repeated
-    keep[offsets[:-1][collapsed]] = False
-    if not keep.any():
+    """Take out segments too short to tell where a strand goes, and strands that are there twice."""
+    dropped = {}
+    thinned = without_short_segments(points, radii, offsets)
+    if thinned is not None:
+        points, radii, offsets = thinned.points, radii[thinned.kept], thinned.offsets
+        colours = None if colours is None else colours[thinned.kept]
+        dropped = dict(thinned.dropped)
+    if not len(points):
         raise GroomError(
-            f"{source}: the groom is empty: all points of each of its {len(counts)} strands are "
-            "the same point; check the scale and the precision of the export."
+            f"{source}: the groom is empty: all points of each of its strands are the same point; "
+            "check the scale and the precision of the export."
         )
-    offsets = np.concatenate([[0], np.cumsum(counts[~collapsed])]).astype(np.int64)
-    colours = None if colours is None else colours[keep]
-    dropped = {
-        "zero_length_segments": n_repeated,
-        "collapsed_strands": int(np.count_nonzero(collapsed)),
-    }
-    return points[keep], radii[keep], offsets, colours, dropped
-
-
-def _segment_length_sq(points):
-    # By component: three passes over one column are faster than one over rows of three.
-    length_sq = np.zeros(len(points) - 1, dtype=np.float32)
-    with np.errstate(under="ignore"):
-        for axis in range(3):
-            step = np.diff(points[:, axis])
-            length_sq += step * step
-    return length_sq
+    copies = copied_strands(points, radii, offsets)
+    if len(copies):
+        counts, n = np.diff(offsets), len(offsets) - 1
+        kept = ~np.repeat(np.isin(np.arange(n), copies), counts)
+        points, radii = points[kept], radii[kept]
+        colours = None if colours is None else colours[kept]
+        offsets = np.concatenate([[0], np.cumsum(np.delete(counts, copies))]).astype(np.int64)
+        dropped["copied_strands"] = len(copies)
+    return points, radii, offsets, colours, dropped
