@@ -33,9 +33,8 @@ def _parallel(rng):
 
 
 def _repeated(rng):
-    """All segments in the same place, of other thickness each: no plane parts them."""
-    points = np.tile(np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]], np.float32), (100, 1))
-    return Curves.from_arrays(points, np.repeat(np.linspace(0.1, 0.2, 100), 2), 2 * np.arange(101))
+    """All segments in the same place: no plane parts them."""
+    return strands(np.tile([[[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]], (100, 1, 1)), 0.1)
 
 
 def _uneven(rng):

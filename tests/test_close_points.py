@@ -34,7 +34,7 @@ def tangents(curves):
 def test_doubled_points_are_as_if_they_were_not(distance, rng):
     """Up to 1/37 of the smallest radius away: the groom is the one without them, to the bit."""
     points, radii = walks(rng)
-    curves = Curves.from_arrays(*doubled(points, radii, distance, rng))
+    curves = Curves.from_arrays(*doubled(points, radii, distance, rng)).traced()
     plain = Curves.from_arrays(points, radii)
     for name in ("points", "radii", "offsets"):
         assert np.array_equal(getattr(curves, name), getattr(plain, name))
@@ -46,7 +46,7 @@ def test_points_farther_apart_stay(rng):
     points, radii = walks(rng)
     curves = Curves.from_arrays(*doubled(points, radii, 0.1 * RADIUS, rng))
     assert curves.n_points == 2 * radii.size
-    assert dict(curves.dropped) == {}
+    assert curves.traced() is curves
 
 
 @pytest.mark.parametrize("distance", [0.0, 1e-17, 1e-8, 1e-3])
@@ -61,7 +61,7 @@ def test_a_step_of_the_radius_stays_a_step(distance, at, rng):
         points = np.insert(points, at + 1 + i, beside, axis=0)
         radii = np.insert(radii, at + 1 + i, 0.5 ** (i + 1) * RADIUS)
     radii[at + times :] = radii[at + times]
-    curves = Curves.from_arrays(points, radii, [0, len(points)])
+    curves = Curves.from_arrays(points, radii, [0, len(points)]).traced()
     assert curves.n_points == 5 + times
     assert np.array_equal(curves.radii, radii.astype(np.float32))
     np.testing.assert_allclose(tangents(curves), np.tile([1.0, 0, 0], (4 + times, 1)), atol=1e-5)
@@ -73,7 +73,7 @@ def test_a_finely_sampled_strand_is_thinned_and_keeps_its_course(rng):
     helix than 1/16 of the radius, and no segment is short."""
     t = np.linspace(0.0, 1.0, 20_001)
     helix = np.stack([np.cos(6 * t), np.sin(6 * t), 3 * t], axis=1)
-    curves = Curves.from_arrays(helix, RADIUS, [0, len(helix)])
+    curves = Curves.from_arrays(helix, RADIUS, [0, len(helix)]).traced()
     length = np.linalg.norm(np.diff(curves.points, axis=0), axis=1)
     assert length.min() >= SHORTEST * RADIUS
     assert length.max() < 4 * SHORTEST * RADIUS
@@ -84,7 +84,7 @@ def test_a_finely_sampled_strand_is_thinned_and_keeps_its_course(rng):
 
 def test_a_strand_shorter_than_its_radius_stays(rng):
     points = (1e-4 * rng.random((20, 7, 3)) + rng.random((20, 1, 3))).astype(np.float32)
-    curves = Curves.from_arrays(points, RADIUS)
+    curves = Curves.from_arrays(points, RADIUS).traced()
     assert (np.diff(curves.offsets) == 2).all()
     assert curves.dropped["short_segments"] == 20 * 5
 
@@ -97,10 +97,10 @@ def test_what_is_left_has_nothing_to_take_out(seed):
     steps = unit(rng.standard_normal((counts.sum(), 3)))
     points = np.cumsum(steps * 10.0 ** rng.uniform(-6, 0, (len(steps), 1)), axis=0)
     radii = RADIUS * 10.0 ** rng.choice([0.0, 0.0, 0.0, -1.0, 1.0], len(points))
-    once = Curves.from_arrays(points, radii, np.cumsum([0, *counts]))
+    once = Curves.from_arrays(points, radii, np.cumsum([0, *counts])).traced()
     assert once.dropped["short_segments"] > 10
-    twice = Curves.from_arrays(once.points, once.radii, once.offsets)
-    assert dict(twice.dropped) == {}
+    twice = once.traced()
+    assert dict(twice.dropped) == dict(once.dropped)
     assert np.array_equal(twice.points, once.points)
     assert np.array_equal(twice.radii, once.radii)
 
@@ -109,20 +109,20 @@ def test_colours_go_with_their_points(rng):
     points, radii = walks(rng, 3, 4)
     points, radii = doubled(points, radii, 1e-6, rng)
     colours = rng.random(points.shape).astype(np.float32)
-    curves = Curves.from_arrays(points, radii, colours=colours)
+    curves = Curves.from_arrays(points, radii, colours=colours).traced()
     assert np.array_equal(curves.colours, colours[:, ::2].reshape(-1, 3))
 
 
 def test_rays_see_no_disc(rng):
     """Of rays at a strand with a copy of a point 1e-8 beside it, none hits a segment across it."""
     points = np.array([[0, 0, -1.0], [0, 0, 0], [1e-8, 0, 0], [0, 0, 1.0]])
-    curves = Curves.from_arrays(points, RADIUS, [0, 4])
+    raw = Curves.from_arrays(points, RADIUS, [0, 4])
+    curves = raw.traced()
     origins, directions = rays_at(rng, curves, 4000)
     _, segment, _, _ = brute_force(curves, origins, directions)
     across = np.abs(tangents(curves)[:, 0]) > 0.1
     assert not across[segment[segment < 4]].any()
     # The twin: without cleaning, a good part of the hits is on a segment that goes across.
-    raw = Curves(points.astype(np.float32), np.full(4, RADIUS, np.float32), np.array([0, 4]))
     _, segment, _, _ = brute_force(raw, origins, directions)
     assert (segment[segment < 4] == 1).mean() > 0.03
 
@@ -140,7 +140,7 @@ def merged(curves, *others):
 
 def test_a_groom_merged_with_itself_is_the_groom(rng):
     curves = random_walks(rng, 200, 6, 0.1, 0.01)
-    twice = merged(curves, curves)
+    twice = merged(curves, curves).traced()
     assert dict(twice.dropped) == {"copied_strands": 200}
     for name in ("points", "radii", "offsets"):
         assert np.array_equal(getattr(twice, name), getattr(curves, name))
@@ -158,4 +158,4 @@ def test_strands_that_are_not_the_same_stay(other, rng):
         points = points.reshape(-1, 6, 3)[:, ::-1].reshape(-1, 3)
     both = merged(curves, Curves(points, radii, curves.offsets))
     assert both.n_strands == 400
-    assert dict(both.dropped) == {}
+    assert both.traced() is both

@@ -62,8 +62,7 @@ def test_strands_of_equally_many_points(rng, scalar, coloured):
 def test_repr_is_a_short_line():
     curves = Curves.from_arrays(*three_strands())
     assert repr(curves) == "Curves(3 strands, 9 points, radii 0.1 to 0.9)"
-    many = np.tile(np.eye(3)[:2], (100_000, 1, 1))
-    curves = Curves.from_arrays(many * np.arange(1, 100_001)[:, None, None], 0.1)
+    curves = Curves.from_arrays(np.tile(np.eye(3)[:2], (100_000, 1, 1)), 0.1)
     assert repr(curves) == "Curves(100000 strands, 200000 points, radii 0.1 to 0.1)"
 
 

@@ -156,10 +156,9 @@ def test_round_trip_is_exact(tmp_path_factory, suffix, curves):
 )
 def test_real_grooms(shared_data, tmp_path, name, n_strands, points_each, radius_range):
     curves = load_curves(shared_data / "hair" / f"{name}.hair")
-    short = 187 if name == "bear_fur" else 0  # shorter than 1/32 of the radius
     assert curves.n_strands == n_strands
-    assert curves.n_points == n_strands * points_each - short
-    assert dict(curves.dropped) == ({"short_segments": short} if short else {})
+    assert (np.diff(curves.offsets) == points_each).all()
+    assert dict(curves.dropped) == {}
     np.testing.assert_allclose([curves.radii.min(), curves.radii.max()], radius_range, rtol=1e-6)
     for suffix in (".hair", ".npz"):
         save_curves(curves, tmp_path / f"copy{suffix}")

@@ -218,7 +218,7 @@ def doubled_points(folder: Path, quick: bool) -> str:
         plain = render(scene, curves=Curves.from_arrays(points, wide)).rgb
         with_copies = Curves.from_arrays(both, np.repeat(wide, 2, axis=1))
         assert np.array_equal(render(scene, curves=with_copies).rgb, plain), f"{distance} away"
-        done.append(f"{sum(with_copies.dropped.values())} of {both.size // 3}")
+        done.append(f"{sum(with_copies.traced().dropped.values())} of {both.size // 3}")
     return f"left out of the points: {', '.join(done)}; the pictures are the same"
 
 
@@ -232,7 +232,7 @@ def merged_with_itself(folder: Path, quick: bool) -> str:
     scene = even_light(24 if quick else 64, 4 if quick else 32)
     once, merged = (render(scene, curves=c).rgb for c in (curves, twice))
     assert np.array_equal(once, merged), f"{merged.mean() / once.mean() - 1.0:+.2%} of light"
-    return f"{dict(twice.dropped)}; the same picture"
+    return f"{dict(twice.traced().dropped)}; the same picture"
 
 
 CASES = [

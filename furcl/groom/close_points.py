@@ -98,7 +98,7 @@ class _Groom:
         """Drop points that are where the one before them is, whatever their radius."""
         changed = False
         while True:
-            same = (_squared(self._points) < SAME**2) & self._inside()
+            same = (squared_lengths(self._points) < SAME**2) & self._inside()
             segment = np.flatnonzero(same & (_place_in_run(same) % 2 == 0))
             if not len(segment):
                 return changed
@@ -146,7 +146,7 @@ class _Groom:
 
     def _drop(self, segment) -> None:
         """Drop the second points of segments of which none follows another."""
-        same = _squared(self._points)[segment] < SAME**2
+        same = squared_lengths(self._points)[segment] < SAME**2
         self._dropped["zero_length_segments"] += int(np.count_nonzero(same))
         self._dropped["short_segments"] += int(np.count_nonzero(~same))
         gone = segment + 1
@@ -156,7 +156,7 @@ class _Groom:
             setattr(self, name, np.delete(getattr(self, name), gone, axis=0))
 
 
-def _squared(points: NDArray[np.float32]) -> NDArray[np.float32]:
+def squared_lengths(points: NDArray[np.float32]) -> NDArray[np.float32]:
     """Squares of the distances between neighbours, (n - 1,)."""
     # By component: three passes over one column are faster than one over rows of three.
     length_sq = np.zeros(max(len(points) - 1, 0), np.float32)
@@ -174,7 +174,7 @@ def _short(points: NDArray[np.float32], radii: NDArray[np.float32]) -> NDArray[n
         part = slice(begin, min(begin + _AT_ONCE, len(short)) + 1)
         reach = np.maximum(radii[part][:-1], radii[part][1:]) * np.float32(SHORTEST)
         reach = np.maximum(reach, np.float32(SAME))
-        short[part.start : part.stop - 1] = _squared(points[part]) < reach * reach
+        short[part.start : part.stop - 1] = squared_lengths(points[part]) < reach * reach
     return short
 
 

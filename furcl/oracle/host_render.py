@@ -46,7 +46,7 @@ class HostRenderer:
     def __init__(self, scene: Scene, profiles: MedullaData) -> None:
         self.scene = scene
         self.profiles = profiles
-        self.curves = scene.build_curves()
+        self.curves = scene.build_curves().traced()
         self.fibre: Fibre = scene.build_fibre()
         self.light = scene.build_light()
         self._segments = Segments(self.curves)
