@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from faults import geometry
 
+from furcl.bvh import partition
 from furcl.device import source
 from furcl.groom import curves as curves_module
 
@@ -39,7 +40,7 @@ MUTANTS = {
     ),
     "the way along the strand does not end": (
         "a long strand costs by its points",
-        (CURVE, "<= 1.0002f * vertex.w", "<= 1e9f * vertex.w"),
+        (CURVE, "meets_ball(query, vertex_at(groom->vertices, last + 1u)) && ", ""),
     ),
 }  # fmt: skip
 
@@ -71,3 +72,10 @@ def test_without_cleaning_it_comes_back(part, device, tmp_path, monkeypatch):
     name = "copies of points paint discs" if nothing is None else name
     with pytest.raises(AssertionError):
         CASES[name].run(tmp_path, True)
+
+
+def test_without_a_chunk_for_strays_it_comes_back(device, tmp_path, monkeypatch):
+    everywhere = np.array([[-np.inf] * 3, [np.inf] * 3], np.float32)
+    monkeypatch.setattr(partition, "_surroundings", lambda *_: everywhere)
+    with pytest.raises(AssertionError):
+        CASES["one stray point of a large groom"].run(tmp_path, True)

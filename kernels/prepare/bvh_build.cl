@@ -7,8 +7,6 @@
 #include "bvh/collapse.clh"
 #include "bvh/write_block.clh"
 
-#define CAPSULE_LIMIT 512  /* segments; lanes with more are bounded by boxes */
-
 /* The middle one of three vertices, by component: in the midst of most of them, whatever one of them is. */
 static inline float3 amid(uint n, __global const uint* segments, __global const StoredVertex* vertices)
 {
