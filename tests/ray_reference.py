@@ -120,7 +120,8 @@ def sampled_stretch(curves, origin, direction, segment, u, t_max, per_radius=12)
     from_origin = axis - origin.astype(np.float64)
     # |o + t d - a|^2 <= r^2, written so that only one array is of the size of all pairs
     gap_sq = (from_origin**2).sum(-1) - radius**2
-    joined, _ = ndimage.label(t[:, None] * (t[:, None] - 2.0 * (from_origin @ d)) <= -gap_sq)
+    inside = t[:, None] * (t[:, None] - 2.0 * (from_origin @ d)) <= -gap_sq
+    joined = np.asarray(ndimage.label(inside)[0])  # pyright: ignore[reportIndexIssue]
 
     def label(distance, segment, u):
         row = min(round(distance / step), len(t) - 1)

@@ -110,6 +110,7 @@ def test_colours_go_with_their_points(rng):
     points, radii = doubled(points, radii, 1e-6, rng)
     colours = rng.random(points.shape).astype(np.float32)
     curves = Curves.from_arrays(points, radii, colours=colours).traced()
+    assert curves.colours is not None
     assert np.array_equal(curves.colours, colours[:, ::2].reshape(-1, 3))
 
 
