@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import ndimage
 
 from furcl.device.layout import NO_SEGMENT
 from furcl.groom.curves import Curves
@@ -95,14 +96,36 @@ def brute_force(curves, origins, directions, t_max=np.inf):
     return t_out, segment, u_out, margin
 
 
-def leaves_strand_before(curves, origin, direction, t, n_samples=4096):
-    """True if a ray is outside its one-strand groom somewhere before t, by dense sampling."""
-    first = curves.segment_vertices().astype(np.int64)
-    a, b = curves.points[first].astype(np.float64), curves.points[first + 1].astype(np.float64)
-    ra, rb = curves.radii[first].astype(np.float64), curves.radii[first + 1].astype(np.float64)
-    axis = b - a
-    at = np.linspace(0.0, t, n_samples)[:, None]
-    p = (origin.astype(np.float64) + at * unit(direction.astype(np.float64)))[:, None]
-    u = np.clip(((p - a) * axis).sum(-1) / (axis * axis).sum(-1), 0.0, 1.0)
-    distance = np.linalg.norm(p - a - u[..., None] * axis, axis=-1)
-    return bool((distance > ra + u * (rb - ra)).all(axis=1).any())
+def sampled_stretch(curves, origin, direction, segment, u, t_max, per_radius=12):
+    """Where a ray is inside its one-strand groom without having left it, by dense sampling.
+
+    All pairs of a distance t along the ray and a place along the strand are marked at which the ray
+    is within the radius of the strand; those joined to (0, segment and u) are inside still.
+
+    Returns
+    -------
+    inside : callable (t, segment, u) -> bool
+    """
+    p, r = curves.points.astype(np.float64), curves.radii.astype(np.float64)
+    step = r.min() / per_radius
+    lengths = np.linalg.norm(np.diff(p, axis=0), axis=1)
+    counts = np.maximum(np.ceil(lengths / step).astype(int), 1)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    which = np.repeat(np.arange(len(counts)), counts)
+    along = ((np.arange(first[-1]) - first[which]) / counts[which])[:, None]
+    axis = np.concatenate([p[which] + along * (p[which + 1] - p[which]), p[-1:]])
+    radius = np.append(r[which] + along[:, 0] * (r[which + 1] - r[which]), r[-1])
+    t = np.arange(0.0, t_max + 2.0 * step, step)
+    d = unit(direction.astype(np.float64))
+    from_origin = axis - origin.astype(np.float64)
+    # |o + t d - a|^2 <= r^2, written so that only one array is of the size of all pairs
+    gap_sq = (from_origin**2).sum(-1) - radius**2
+    inside = t[:, None] * (t[:, None] - 2.0 * (from_origin @ d)) <= -gap_sq
+    joined = np.asarray(ndimage.label(inside)[0])  # pyright: ignore[reportIndexIssue]
+
+    def label(distance, segment, u):
+        row = min(round(distance / step), len(t) - 1)
+        return joined[row, round(first[segment] + u * counts[segment])]
+
+    begin = label(0.0, segment, u)
+    return lambda t, segment, u: begin > 0 and label(t, segment, u) == begin

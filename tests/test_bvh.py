@@ -48,6 +48,14 @@ def _far_away(rng):
     return Curves.from_arrays(curves.points + np.float32(1e5), curves.radii, curves.offsets)
 
 
+def _stray(rng):
+    """A point and a strand far away from all others, in opposite directions."""
+    points = random_walks(rng, 500, 12, 0.1, 0.005).points.copy()
+    points[77] += np.float32(1e5)
+    points[240:252] -= np.float32(1e6)
+    return Curves.from_arrays(points, 0.005, np.arange(501) * 12)
+
+
 def _on_axes(rng):
     ends = np.zeros((3, 2, 3))
     ends[:, 1] = np.eye(3)
@@ -69,6 +77,7 @@ GROOMS = {
     "repeated": _repeated,
     "uneven": _uneven,
     "far away": _far_away,
+    "stray": _stray,
 }
 
 

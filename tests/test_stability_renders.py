@@ -12,7 +12,7 @@ from furcl import bcsdf
 from furcl.bench import stability_renders
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
-from furcl.oracle.host_render import HostRenderer, _Segments
+from furcl.oracle.host_render import HostRenderer, Segments
 from furcl.rendering.renderer import Renderer
 from furcl.scene.read import load_scene
 
@@ -122,13 +122,13 @@ def test_segments_are_met_where_the_ray_is_nearest():
         np.array([[0, -1, 0], [0, 1, 0], [5, -1, 0.3], [5, 1, 0.3]], float), 0.4,
         np.array([0, 2, 4]), source="test",
     )  # fmt: skip
-    segments = _Segments(curves)
+    segments = Segments(curves)
     origin = np.array([[-3.0, 0.5, 0.1], [-3, 0.5, 0.6], [-3, 0.5, 2.0]])
     direction = np.tile([1.0, 0.0, 0.0], (3, 1))
     nobody = np.full(3, -1)
-    t, which, u = segments.closest(origin, direction, nobody, np.zeros(3))
+    t, which, u = segments.closest(origin, direction, nobody)
     assert which.tolist() == [0, 1, -1]
     assert t[:2] == pytest.approx([3, 8])
     assert u[:2] == pytest.approx([0.75, 0.75])
-    _, which, _ = segments.closest(origin, direction, np.array([0, -1, -1]), np.full(3, 4.0))
+    _, which, _ = segments.closest(origin, direction, np.array([0, -1, -1]))
     assert which.tolist() == [1, 1, -1]

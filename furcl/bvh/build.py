@@ -59,11 +59,8 @@ class Bvh:
                             block 0 is the root
     vertices : cl.Buffer    positions and radii, see kernels/include/geometry/curve.clh
     point_radii : bool      whether each vertex has a radius of its own
-    strands : cl.Buffer     uint32: number of strands, points of the longest one, then
-                            (n_strands + 1,) offsets: strand s owns vertices offsets[s] ..
-                            offsets[s + 1] - 1
+    strands : cl.Buffer     which vertices end a strand, see `strand_ends`
     n_blocks, n_points, n_strands, n_segments : int
-    longest_strand : int    points of the longest strand
     stack_size : int        stack entries that a traversal can need
     build_seconds : float   time that the build took, upload of the groom included [s]
     """
@@ -77,7 +74,6 @@ class Bvh:
     n_points: int
     n_strands: int
     n_segments: int
-    longest_strand: int
     stack_size: int
     build_seconds: float
 
@@ -96,7 +92,7 @@ class Bvh:
         return BvhArrays(
             blocks=read(self.blocks, (self.n_blocks, BLOCK_WORDS), np.uint32),
             vertices=self._read_vertices(),
-            offsets=read(self.strands, self.n_strands + 3, np.uint32)[2:],
+            offsets=_offsets(read(self.strands, 1 + -(-self.n_points // 32), np.uint32)),
             stack_size=self.stack_size,
         )
 
@@ -148,19 +144,16 @@ def build_bvh(
             f"the tree of {curves.n_segments} segments needs a stack of {stack_size} entries, "
             f"kernels have {BVH_STACK_SIZE}; the groom is extremely uneven: split it"
         )
-    longest_strand = int(np.diff(curves.offsets).max())
-    strands = np.concatenate([[curves.n_strands, longest_strand], curves.offsets]).astype(np.uint32)
     return Bvh(
         memory=memory,
         blocks=blocks,
         vertices=vertices,
         point_radii=point_radii,
-        strands=index_checks.upload(memory, "strands", strands, debug),
+        strands=index_checks.upload(memory, "strands", strand_ends(curves), debug),
         n_blocks=n_blocks,
         n_points=curves.n_points,
         n_strands=curves.n_strands,
         n_segments=curves.n_segments,
-        longest_strand=longest_strand,
         stack_size=stack_size,
         build_seconds=time.perf_counter() - start,
     )
@@ -173,10 +166,24 @@ def no_geometry(memory: Memory) -> list[cl.Buffer]:
 
 
 def watch(checks: index_checks.IndexChecks, geometry: list[cl.Buffer], n_vertices: int) -> None:
-    """Watch the indices of a tree: its record is behind the strand offsets."""
+    """Watch the indices of a tree: its record is behind the ends of strands."""
     blocks, _, strands = geometry
     n_blocks = (blocks.size - index_checks.RECORD_BYTES) // _BLOCK_BYTES - 1
     checks.watch(strands, n_vertices=n_vertices, n_blocks=n_blocks)
+
+
+def strand_ends(curves: Curves) -> NDArray[np.uint32]:
+    """The number of words that follow, and of word v // 32 bit v % 32: vertex v ends a strand."""
+    ends = np.zeros(-(-curves.n_points // 32) * 32, dtype=bool)
+    ends[curves.offsets[1:] - 1] = True
+    words = np.packbits(ends, bitorder="little").view("<u4")
+    return np.concatenate([[len(words)], words]).astype(np.uint32)
+
+
+def _offsets(strands: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """What `strand_ends` says, as the offsets of `Curves`."""
+    ends = np.unpackbits(strands[1:].astype("<u4").view(np.uint8), bitorder="little")
+    return np.concatenate([[0], np.flatnonzero(ends) + 1]).astype(np.uint32)
 
 
 def _upload_vertices(memory: Memory, curves: Curves, point_radii: bool) -> cl.Buffer:
@@ -213,10 +220,11 @@ def _build_blocks(
     """Build chunk after chunk behind the blocks over them; blocks, their number, stack size."""
     if n_chunks == 1:
         chunks, sizes = [curves.segment_vertices().view(np.uint32)], [curves.n_segments]
+        lanes = []
     else:
         chunks = Partition(curves, n_chunks)
         sizes = chunks.sizes
-    lanes = top_lanes(len(sizes))
+        lanes = top_lanes(len(sizes), chunks.stray)
     lo, hi = curves.bounds()
     blocks = memory.allocate("bvh", _BLOCK_BYTES)  # grows with what is learnt of the chunks
     roots, ends = [], [len(lanes)]
@@ -233,7 +241,9 @@ def _build_blocks(
         memory.device.queue.finish()
     if not lanes:
         return blocks, ends[-1], roots[0].stack_size
-    boxes = np.array([root.box for root in roots])
+    boxes = np.array(
+        [root.box + curves.points[root.first_vertex].astype(np.float64) for root in roots]
+    )
     stacks = [root.stack_size for root in roots]
     top, stack_size = top_blocks(lanes, boxes, ends[:-1], stacks)
     _write(memory, blocks, top, 0)

@@ -36,11 +36,14 @@ class Root:
     Attributes
     ----------
     n_blocks, stack_size : int      as of furcl.bvh.build.Bvh
-    box : (2, 3) float32            lower and upper corner of all its segments with their radii
+    first_vertex : int              of the segment of the first leaf
+    box : (2, 3) float32            lower and upper corner of all its segments with their radii,
+                                    relative to that vertex
     """
 
     n_blocks: int
     stack_size: int
+    first_vertex: int
     box: NDArray[np.float32]
 
 
@@ -107,7 +110,8 @@ class ChunkBuilder:
             )  # fmt: skip
         root = self._scratch.read(self._buffers["summaries"], (2, 4))
         self._n_blocks, stack_size = (int(n) for n in root[:, 3].view(np.uint32))
-        return Root(self._n_blocks, stack_size, root[:, :3].copy())
+        first_vertex = int(self._primitives["primitive"][0])
+        return Root(self._n_blocks, stack_size, first_vertex, root[:, :3].copy())
 
     def write(self, blocks: cl.Buffer, first_block: int) -> None:
         """Write the blocks that were planned last; starts the work and does not wait.

@@ -22,6 +22,9 @@ from furcl.groom.curves import Curves
 
 SAMPLES_PER_CHUNK = 1 << 12
 AT_ONCE = 1 << 18
+# Of a chunk's size, how much may be beyond either face of the box that all but stray segments are
+# near: so these are less than half a chunk.
+STRAY_SHARE = 1.0 / 16.0
 NO_CHUNK = 0xFFFF  # of the last points of strands, where no segment begins
 GOLDEN = 0.6180339887498949
 
@@ -33,22 +36,35 @@ class Partition:
     of some thousand segments a chunk, spread evenly over the groom. Their order is that of the tree
     of planes, as `top_lanes` expects. Segments that no plane parts stay together.
 
+    The few segments that are far away from all others are a chunk of their own, the last one:
+    one of them alone would make the box of a chunk so large that every ray meets it.
+
     Parameters
     ----------
     curves : Curves
-    n_chunks : int      1 .. 65535
+    n_chunks : int      1 .. 65534
+
+    Attributes
+    ----------
+    stray : bool        whether there is such a chunk
     """
 
     def __init__(self, curves: Curves, n_chunks: int) -> None:
-        tree = _planes(_sampled_midpoints(curves, n_chunks * SAMPLES_PER_CHUNK), n_chunks, 0)
+        sample = _sampled_midpoints(curves, n_chunks * SAMPLES_PER_CHUNK)
+        lowest, highest = _surroundings(sample, STRAY_SHARE / n_chunks)
+        near = ((sample >= lowest) & (sample <= highest)).all(axis=1)
+        tree = _planes(sample[near], n_chunks, 0)
         self._chunk_at = np.empty(curves.n_points, np.uint16)
         for begin in range(0, curves.n_points - 1, AT_ONCE):
             points = curves.points[begin : begin + AT_ONCE + 1].T
             doubled = points[:, :-1] + points[:, 1:]
             part = self._chunk_at[begin : begin + AT_ONCE]
             _assign(tree, doubled, np.arange(doubled.shape[1]), part)
+            far = (doubled < lowest[:, None]) | (doubled > highest[:, None])
+            part[np.flatnonzero(far.any(axis=0))] = n_chunks
         self._chunk_at[curves.offsets[1:] - 1] = NO_CHUNK
         self._sizes = np.bincount(self._chunk_at, minlength=NO_CHUNK)[:NO_CHUNK]
+        self.stray = bool(self._sizes[n_chunks])
 
     @property
     def sizes(self) -> list[int]:
@@ -79,6 +95,14 @@ def _sampled_midpoints(curves: Curves, n: int) -> NDArray[np.float32]:
     return curves.points[vertex] + curves.points[vertex + 1]
 
 
+def _surroundings(doubled: NDArray[np.float32], share: float) -> NDArray[np.float32]:
+    """A box (2, 3) that leaves out a share of values beyond each face, then made larger by its size
+    on all sides: what is outside is far away from nearly all."""
+    lowest, highest = np.quantile(doubled, [share, 1.0 - share], axis=0)
+    size = (highest - lowest).max()
+    return np.array([lowest - size, highest + size], np.float32)
+
+
 def _planes(doubled: NDArray[np.float32], n_chunks: int, first: int) -> _Plane | int:
     if n_chunks == 1:
         return first
@@ -104,14 +128,18 @@ def _assign(tree: _Plane | int, doubled: NDArray, which: NDArray, chunks: NDArra
     _assign(tree.above, doubled, which[~below], chunks)
 
 
-def top_lanes(n_chunks: int) -> list[list[tuple[int, int]]]:
+def top_lanes(n_chunks: int, stray: bool = False) -> list[list[tuple[int, int]]]:
     """The blocks over `n_chunks` chunks: of each the ranges [first, end) of chunks of its lanes.
 
     Block 0 holds them all; a lane of several chunks is a block further on, in the same order. There
-    are none over a single chunk.
+    are none over a single chunk. A last chunk of stray segments has a lane beside all others, whose
+    grid would be too coarse otherwise.
     """
     blocks: list[list[tuple[int, int]]] = []
-    todo = [(0, n_chunks)] if n_chunks > 1 else []
+    n_near = n_chunks - stray
+    if stray and n_near:
+        blocks.append([(0, n_near), (n_near, n_chunks)])
+    todo = [(0, n_near)] if n_near > 1 else []
     for begin, end in todo:  # grows while it is walked through
         lanes = [(begin, end)]
         for _ in range(3):
@@ -137,7 +165,7 @@ def top_blocks(
     Parameters
     ----------
     lanes : list                        what top_lanes returns for n chunks
-    boxes : (n, 2, 3) float32           corners of the chunks
+    boxes : (n, 2, 3) float64           corners of the chunks
     first_blocks : (n,)                 the root of each chunk
     stack_sizes : (n,)                  stack entries that a traversal of each can need
 
@@ -153,7 +181,7 @@ def top_blocks(
         children = lanes[i]
         lower = np.array([boxes[a:b, 0].min(axis=0) for a, b in children])
         upper = np.array([boxes[a:b, 1].max(axis=0) for a, b in children])
-        _write_boxes(blocks[i], lower.astype(np.float64), upper.astype(np.float64))
+        _write_boxes(blocks[i], lower, upper)
         below = []
         for lane, (a, b) in enumerate(children):
             single = b - a == 1

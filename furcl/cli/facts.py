@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,7 +100,9 @@ def _of_curves(curves: Curves) -> dict[str, str]:
     per_strand = np.diff(curves.offsets)
     lower, upper = curves.bounds()
     lengths = np.linalg.norm(np.diff(curves.points, axis=0), axis=1)[curves.segment_vertices()]
-    dropped = ", ".join(f"{count} {name}" for name, count in curves.dropped.items())
+    left_out = curves.traced().dropped
+    on_reading = _counts(curves.dropped)
+    for_rays = _counts({k: n - curves.dropped.get(k, 0) for k, n in left_out.items()})
     return {
         "strands": f"{curves.n_strands}",
         "points": f"{curves.n_points} ({per_strand.min()} to {per_strand.max()} a strand)",
@@ -109,8 +111,13 @@ def _of_curves(curves: Curves) -> dict[str, str]:
         "radius": f"{curves.radii.min():.4g} to {curves.radii.max():.4g}",
         "bounds": f"{_point(lower)} to {_point(upper)}",
         "memory": f"{curves.n_bytes / 2**20:.1f} MiB on the host",
-        "left out on reading": dropped or "nothing",
+        "left out on reading": on_reading,
+        "left out for rays": for_rays,
     }
+
+
+def _counts(left_out: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {name}" for name, count in left_out.items() if count) or "nothing"
 
 
 def _point(p: np.ndarray) -> str:

@@ -208,8 +208,7 @@ class Plane:
 PATH_STATE = (
     Plane("ORIGIN", 3),
     Plane("DIR", 3),  # unit
-    Plane("SKIP_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
-    Plane("SKIP_DISTANCE", 1),  # nearer hits on that strand are inside the fibre
+    Plane("FROM_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
     Plane("HIT_T", 1, lambda f: f.surface is not None),  # fibres need HIT_U alone
     Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or SURFACE_HIT
     Plane("HIT_U", 1),  # along the segment, 0..1
@@ -220,7 +219,6 @@ PATH_STATE = (
     Plane("JOINT", 1),  # q(lobe, h), relative to uniform h
     Plane("DIR_PDF", 1, lambda f: f.light_sampling),  # about that of DIR, of any h; 0: camera
     Plane("SHADOW_DIR", 3, lambda f: f.light_sampling),
-    Plane("SHADOW_SKIP_DISTANCE", 1, lambda f: f.light_sampling),
     Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and not f.light_at_infinity),
     Plane("SHADOW_RADIANCE", "spectrum", lambda f: f.light_sampling),
 )

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import GroomError
+from furcl.groom.close_points import squared_lengths, without_short_segments
+from furcl.groom.copies import copied_strands
 
 MAX_POINTS = 2**31 - 1
 # Squares of coordinates and radii within these limits stay normal float32 numbers.
@@ -88,6 +90,38 @@ class Curves:
         first[self.offsets[1:] - 1] = False
         return np.flatnonzero(first).astype(np.int32)
 
+    def traced(self) -> "Curves":
+        """The groom as rays meet it; itself, where that is the same.
+
+        Points nearer to the one before than 1/32 of the radius (furcl.groom.close_points) and
+        copies of earlier strands (furcl.groom.copies) are left out and counted in `dropped`.
+
+        Raises
+        ------
+        GroomError                   where nothing is left
+        """
+        points, radii, offsets, colours = self.points, self.radii, self.offsets, self.colours
+        dropped = dict(self.dropped)
+        thinned = without_short_segments(points, radii, offsets)
+        if thinned is not None:
+            points, radii, offsets = thinned.points, radii[thinned.kept], thinned.offsets
+            colours = None if colours is None else colours[thinned.kept]
+            for name, count in thinned.dropped.items():
+                dropped[name] = dropped.get(name, 0) + count
+            if not len(points):
+                raise GroomError("curves: the groom is empty: all strands are single points.")
+        copies = copied_strands(points, radii, offsets)
+        if len(copies):
+            counts, n = np.diff(offsets), len(offsets) - 1
+            kept = ~np.repeat(np.isin(np.arange(n), copies), counts)
+            points, radii = points[kept], radii[kept]
+            colours = None if colours is None else colours[kept]
+            offsets = np.concatenate([[0], np.cumsum(np.delete(counts, copies))]).astype(np.int64)
+            dropped["copied_strands"] = dropped.get("copied_strands", 0) + len(copies)
+        if thinned is None and not len(copies):
+            return self
+        return _frozen(points, radii, offsets, colours, dropped)
+
     @staticmethod
     def from_arrays(
         points: ArrayLike,
@@ -100,8 +134,8 @@ class Curves:
     ) -> "Curves":
         """Check arrays, drop what is harmless and make a groom of the rest.
 
-        A point that repeats the point before it (a segment shorter than 1e-18) is dropped, and
-        so is a strand of which one point is left; both are counted in `dropped`.
+        A point that repeats the point before it and its radius (a segment shorter than 1e-18) is
+        dropped, and so is a strand whose points are all one; both are counted in `dropped`.
 
         Parameters
         ----------
@@ -125,11 +159,15 @@ class Curves:
             where = _place(source, offsets, int(np.argmin(np.isfinite(colours).all(axis=1))))
             raise GroomError(f"{where}: the colour is not finite; repair or leave out the colours.")
         points, radii, offsets, colours, cleaned = _clean(points, radii, offsets, colours, source)
-        counts = {k: n for k, n in {**(dropped or {}), **cleaned}.items() if n > 0}
-        for array in (points, radii, offsets, colours):
-            if array is not None:
-                array.flags.writeable = False
-        return Curves(points, radii, offsets, MappingProxyType(counts), colours)
+        return _frozen(points, radii, offsets, colours, {**(dropped or {}), **cleaned})
+
+
+def _frozen(points, radii, offsets, colours, dropped) -> Curves:
+    for array in (points, radii, offsets, colours):
+        if array is not None:
+            array.flags.writeable = False
+    counts = {name: count for name, count in dropped.items() if count > 0}
+    return Curves(points, radii, offsets, MappingProxyType(counts), colours)
 
 
 def _shaped(points, radii, offsets, colours, source):
@@ -261,13 +299,15 @@ def _check_radii(radii, offsets, source):
 def _clean(points, radii, offsets, colours, source):
     """Drop repeated points, then strands of which only one point is left."""
     repeated = np.zeros(len(points), dtype=bool)
-    np.less(_segment_length_sq(points), MIN_MAGNITUDE**2, out=repeated[1:])
+    np.less(squared_lengths(points), MIN_MAGNITUDE**2, out=repeated[1:])
     repeated[offsets[:-1]] = False
-    n_repeated = int(np.count_nonzero(repeated))
-    if n_repeated == 0:
+    if not repeated.any():
         return points, radii, offsets, colours, {}
-    counts = np.diff(offsets) - np.add.reduceat(repeated, offsets[:-1], dtype=np.int64)
-    collapsed = counts < 2
+    counts = np.diff(offsets)
+    collapsed = np.add.reduceat(repeated, offsets[:-1], dtype=np.int64) == counts - 1
+    # Where the radius makes a step, both points stay.
+    repeated[1:] &= (radii[1:] == radii[:-1]) | np.repeat(collapsed, counts)[1:]
+    counts -= np.add.reduceat(repeated, offsets[:-1], dtype=np.int64)
     keep = ~repeated
     keep[offsets[:-1][collapsed]] = False
     if not keep.any():
@@ -278,17 +318,7 @@ def _clean(points, radii, offsets, colours, source):
     offsets = np.concatenate([[0], np.cumsum(counts[~collapsed])]).astype(np.int64)
     colours = None if colours is None else colours[keep]
     dropped = {
-        "zero_length_segments": n_repeated,
+        "zero_length_segments": int(np.count_nonzero(repeated)),
         "collapsed_strands": int(np.count_nonzero(collapsed)),
     }
     return points[keep], radii[keep], offsets, colours, dropped
-
-
-def _segment_length_sq(points):
-    # By component: three passes over one column are faster than one over rows of three.
-    length_sq = np.zeros(len(points) - 1, dtype=np.float32)
-    with np.errstate(under="ignore"):
-        for axis in range(3):
-            step = np.diff(points[:, axis])
-            length_sq += step * step
-    return length_sq

@@ -46,10 +46,10 @@ class HostRenderer:
     def __init__(self, scene: Scene, profiles: MedullaData) -> None:
         self.scene = scene
         self.profiles = profiles
-        self.curves = scene.build_curves()
+        self.curves = scene.build_curves().traced()
         self.fibre: Fibre = scene.build_fibre()
         self.light = scene.build_light()
-        self._segments = _Segments(self.curves)
+        self._segments = Segments(self.curves)
         self._lobes = [*reference.LOBES, *([reference.RESIDUAL] if scene.render.residual else [])]
 
     def pixel(self, x: int, y: int, paths: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -57,10 +57,9 @@ class HostRenderer:
         origin, direction = self._camera_rays(x, y, paths, rng)
         radiance, throughput = np.zeros((paths, 3)), np.ones((paths, 3))
         alive = np.arange(paths)
-        skip = np.full(paths, -1)
-        skip_distance = np.zeros(paths)
+        left = np.full(paths, -1)
         for depth in range(self.scene.render.max_depth + 1):
-            _, segment, u = self._segments.closest(origin, direction, skip, skip_distance)
+            _, segment, u = self._segments.closest(origin, direction, left)
             out = segment < 0
             if out.any():
                 light = self.light.radiance(direction[out])
@@ -69,14 +68,12 @@ class HostRenderer:
             if not len(hit) or depth == self.scene.render.max_depth:
                 break
             alive, throughput = alive[hit], throughput[hit]
-            origin, direction, skip_distance, weight = self._scatter(
-                segment[hit], u[hit], -direction[hit], rng
-            )
-            skip = self._segments.strand[segment[hit]]
+            left = segment[hit]
+            origin, direction, weight = self._scatter(left, u[hit], -direction[hit], rng)
             throughput = throughput * weight
             on = np.flatnonzero(throughput.max(-1) > 0.0)
-            alive, skip, skip_distance = alive[on], skip[on], skip_distance[on]
-            throughput, origin, direction = throughput[on], origin[on], direction[on]
+            alive, left, throughput = alive[on], left[on], throughput[on]
+            origin, direction = origin[on], direction[on]
             if not len(alive):
                 break
         return radiance.mean(0), radiance.var(0, ddof=1) / paths
@@ -94,7 +91,7 @@ class HostRenderer:
         return np.broadcast_to(origin, direction.shape), direction
 
     def _scatter(self, segment, u: Array, wo: Array, rng: np.random.Generator):
-        """Next origin, direction, distance to skip and weight of paths that met a fibre."""
+        """Next origin, direction and weight of paths that met a fibre."""
         n = len(segment)
         segments = self._segments
         tangent = segments.axis[segment]
@@ -124,9 +121,7 @@ class HostRenderer:
         norm = np.linalg.norm(direction, axis=1, keepdims=True)
         direction = np.divide(direction, norm, out=tangent.copy(), where=norm > 0.0)
         origin = segments.start[segment] + u[:, None] * segments.axis[segment]
-        radius = segments.radius[segment] + u * segments.widening[segment]
-        sine = np.maximum(np.hypot(wi[:, 1], wi[:, 2]), 1e-6)
-        return origin, direction, 4.0 * radius / sine, weight
+        return origin, direction, weight
 
     def _direction(self, p: int, name: str, wo: Array, theta: Array, h: Array, rng):
         """Directions (n, 3) of one lobe in the fibre's frame; value over density (n, 3)."""
@@ -186,7 +181,7 @@ def _perpendicular(tangent: Array) -> Array:
     return side / np.linalg.norm(side, axis=1, keepdims=True)
 
 
-class _Segments:
+class Segments:
     """All segments of a groom, each tried with each ray."""
 
     def __init__(self, curves: Curves) -> None:
@@ -197,14 +192,40 @@ class _Segments:
         self.radius, self.widening = radii[first], radii[first + 1] - radii[first]
         self.strand = np.searchsorted(curves.offsets, first, side="right") - 1
 
-    def closest(self, origin: Array, direction: Array, skip, skip_distance: Array):
+    def left(self, origin: Array, direction: Array, segment):
+        """First and last segment (m,) of the stretch that rays from `segment`, (m,), begin inside.
+
+        Neighbours are inside together where the ray meets the ball around the vertex between them.
+        """
+        stretch = []
+        for step in (-1, 1):
+            end, going = segment.copy(), np.arange(len(segment))
+            while len(going):
+                beyond = end[going] + step
+                inside = (beyond >= 0) & (beyond < len(self.start))
+                going, beyond = going[inside], beyond[inside]
+                between = np.maximum(end[going], beyond)
+                w = self.start[between] - origin[going]
+                t = np.maximum((w * direction[going]).sum(-1, keepdims=True), 0.0)
+                met = np.linalg.norm(w - t * direction[going], axis=-1) <= self.radius[between]
+                met &= self.strand[beyond] == self.strand[end[going]]
+                going, beyond = going[met], beyond[met]
+                end[going] = beyond
+            stretch.append(end)
+        return stretch
+
+    def closest(self, origin: Array, direction: Array, left):
         """Distance, segment (-1: none) and place u on it of the nearest hit of every ray.
 
         A segment is hit where the ray comes nearest to it, if that is within the radius there.
+        Rays from a fibre, from its segment `left` (-1: none), do not hit what they begin inside.
         """
         n = len(origin)
         distance, which, place = np.full(n, np.inf), np.full(n, -1), np.zeros(n)
         step = max(1, _CHUNK // len(self.start))
+        number, on = np.arange(len(self.start)), np.flatnonzero(left >= 0)
+        first, last = np.full(n, len(number)), np.full(n, -1)
+        first[on], last[on] = self.left(origin[on], direction[on], left[on])
         for at in range(0, n, step):
             rays = slice(at, at + step)
             o, d = origin[rays, None, :], direction[rays, None, :]
@@ -222,9 +243,8 @@ class _Segments:
             gap = gap + u[..., None] * across
             t = foot + u * along
             radius = self.radius + u * self.widening
-            own = self.strand[None, :] == skip[rays, None]
             hit = ((gap * gap).sum(-1) <= radius * radius) & (t > 0.0)
-            hit &= ~own | (t >= skip_distance[rays, None])
+            hit &= (number < first[rays, None]) | (number > last[rays, None])
             t = np.where(hit, t, np.inf)
             best = t.argmin(1)
             rows = np.arange(len(best))

@@ -24,8 +24,8 @@ class Rays:
     origins : (n, 3) float32
     directions : (n, 3) float32         unit length
     t_max : (n,) float32 or scalar      largest distance of a hit
-    skip_segment : (n,) uint32 or None  segment that the ray leaves (its first vertex), NO_SEGMENT
-    skip_distance : (n,) float32        nearer hits on the strand of skip_segment are ignored
+    from_segment : (n,) uint32 or None  segment on whose axis the ray begins (its first vertex), or
+                                        NO_SEGMENT: the ray does not hit the fibre that it leaves
     """
 
     def __init__(
@@ -34,18 +34,17 @@ class Rays:
         origins: NDArray[np.float32],
         directions: NDArray[np.float32],
         t_max: NDArray[np.float32] | float = np.inf,
-        skip_segment: NDArray[np.uint32] | None = None,
-        skip_distance: NDArray[np.float32] | float = 0.0,
+        from_segment: NDArray[np.uint32] | None = None,
     ) -> None:
         self.n = len(origins)
         packed = np.empty((2, self.n, 4), np.float32)
-        packed[0, :, :3], packed[0, :, 3] = origins, skip_distance
+        packed[0, :, :3], packed[0, :, 3] = origins, 0.0
         packed[1, :, :3], packed[1, :, 3] = directions, t_max
-        skip = np.full(self.n, NO_SEGMENT) if skip_segment is None else skip_segment
+        segment = np.full(self.n, NO_SEGMENT) if from_segment is None else from_segment
         self.inputs = [
             memory.upload("ray origins", packed[0]),
             memory.upload("ray directions", packed[1]),
-            memory.upload("ray segments", np.asarray(skip, np.uint32)),
+            memory.upload("ray segments", np.asarray(segment, np.uint32)),
         ]
         names = ("hit t", "hit segment", "hit u")
         self.outputs = [memory.allocate(name, 4 * self.n) for name in names]

@@ -95,7 +95,7 @@ def set_up(
     def take_groom() -> Curves:
         with timed("curves"):
             given = curves.result() if isinstance(curves, Future) else curves
-            return given or scene.build_curves()
+            return (given or scene.build_curves()).traced()
 
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)

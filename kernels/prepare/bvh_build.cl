@@ -7,9 +7,17 @@
 #include "bvh/collapse.clh"
 #include "bvh/write_block.clh"
 
-#define CAPSULE_LIMIT 512  /* segments; lanes with more are bounded by boxes */
+/* The middle one of three vertices, by component: in the midst of most of them, whatever one of them is. */
+static inline float3 amid(uint n, __global const uint* segments, __global const StoredVertex* vertices)
+{
+    const float3 a = vertex_at(vertices, segments[n / 4]).xyz;
+    const float3 b = vertex_at(vertices, segments[n / 2]).xyz;
+    const float3 c = vertex_at(vertices, segments[n - 1 - n / 4]).xyz;
+    return fmax(fmin(a, b), fmin(fmax(a, b), c));
+}
 
-/* Boxes for Embree: lower, unused, upper, number.
+/* Boxes for Embree: lower, unused, upper, number. They are relative to a place among them, where thin
+   fibres far from the origin are not lost in rounding.
 
    reads    segments (first vertices), vertices
    writes   boxes, the number being the first vertex
@@ -21,10 +29,10 @@ __kernel void bound_segments(const uint n, __global const uint* segments,
     const uint i = get_global_id(0);
     if (i >= n) return;
     const uint v = segments[i];
-    float3 lower, upper;
-    segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1), &lower, &upper);
-    boxes[2 * i] = (float4)(lower, 0.0f);
-    boxes[2 * i + 1] = (float4)(upper, as_float(v));
+    const Box box = segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1),
+                                amid(n, segments, vertices));
+    boxes[2 * i] = (float4)(box.lower, 0.0f);
+    boxes[2 * i + 1] = (float4)(box.upper, as_float(v));
 }
 
 /* Box, cheapest cut into lanes, number of blocks and stack entries of every node.
@@ -42,22 +50,23 @@ __kernel void summarise(
     const uint i = begin + get_global_id(0);
     if (i >= end) return;
     const uint node = by_height[i];
+    const float3 near = reference_of(nodes, leaves, vertices, (int)node);
     float3 lower = (float3)(INFINITY), upper = (float3)(-INFINITY);
     float cost[3][WIDTH];
     for (uint side = 0; side < 2; side++) {
         const int child = side ? nodes[node].y : nodes[node].x;
-        float3 child_lower, child_upper;
+        Box box;
         float8 child_cost = (float8)(0.0f);
         if (child < 0) {
             const uint v = leaves[~child];
-            segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1), &child_lower, &child_upper);
+            box = segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1), near);
         } else {
-            child_lower = summaries[child].lower.xyz;
-            child_upper = summaries[child].upper.xyz;
+            box = (Box){summaries[child].lower.xyz, summaries[child].upper.xyz};
+            box = box_seen_from(box, reference_of(nodes, leaves, vertices, child), near);
             child_cost = costs[child];
         }
-        lower = fmin(lower, child_lower);
-        upper = fmax(upper, child_upper);
+        lower = fmin(lower, box.lower);
+        upper = fmax(upper, box.upper);
         vstore8(child_cost, 0, cost[side]);
     }
     uchar choice[WIDTH];
@@ -65,7 +74,7 @@ __kernel void summarise(
     costs[node] = vload8(0, cost[2]);
     vstore8(vload8(0, choice), node, choices);
 
-    const BlockLanes lanes = lanes_of(nodes, choices, node);
+    const BlockLanes lanes = lanes_of(nodes, choices, summaries, node, upper - lower);
     uint n_blocks = 1, stack = 0;
     for (uint lane = lanes.n_leaves; lane < lanes.n; lane++) {
         const Summary below = summaries[lanes.child[lane]];
@@ -84,7 +93,7 @@ static inline BlockLanes smallest_last(BlockLanes lanes, __global const Summary*
     float surface[WIDTH];
     for (uint i = lanes.n_leaves; i < lanes.n; i++) {
         const int child = lanes.child[i];
-        const float area = half_area(summaries[child].upper.xyz - summaries[child].lower.xyz);
+        const float area = half_area(extent_of(summaries[child]));
         uint place = i;
         for (; place > lanes.n_leaves && surface[place - 1] < area; place--) {
             surface[place] = surface[place - 1];
@@ -115,7 +124,8 @@ __kernel void place_blocks(
     const uint2 place = places[node];
     if (place.x == FURCL_NO_BLOCK) return;
     __global uint* block = blocks + (size_t)FURCL_BLOCK_WORDS * (first_block + place.x);
-    const BlockLanes lanes = smallest_last(lanes_of(nodes, choices, node), summaries);
+    const BlockLanes lanes = smallest_last(
+        lanes_of(nodes, choices, summaries, node, extent_of(summaries[node])), summaries);
     const uint n_subtrees = lanes.n - lanes.n_leaves;
     for (uint lane = 0; lane < lanes.n; lane++) {
         block[FURCL_BLOCK_ROWS + lane] = (uint)lanes.child[lane];
@@ -149,8 +159,7 @@ __kernel void fill_blocks(
     const uint n_lanes = popcount(block[FURCL_BLOCK_LANES] & 255u), n_segments = popcount(block[FURCL_BLOCK_LANES] >> 8 & 255u);
     int child[WIDTH];
     for (uint lane = 0; lane < n_lanes; lane++) child[lane] = (int)block[FURCL_BLOCK_ROWS + lane];
-    const int first_leaf = child[0] < 0 ? ~child[0] : nodes[child[0]].z;
-    const float3 near = vertex_at(vertices, leaves[first_leaf]).xyz;
+    const float3 near = reference_of(nodes, leaves, vertices, child[0]);
 
     Capsule capsules[WIDTH];
     float3 lower[WIDTH], upper[WIDTH];
@@ -162,15 +171,17 @@ __kernel void fill_blocks(
     }
     for (uint lane = n_segments; lane < n_lanes; lane++) {
         const int4 node = nodes[child[lane]];
-        lower[lane] = summaries[child[lane]].lower.xyz;
-        upper[lane] = summaries[child[lane]].upper.xyz;
+        Box box = {summaries[child[lane]].lower.xyz, summaries[child[lane]].upper.xyz};
+        box = box_seen_from(box, reference_of(nodes, leaves, vertices, child[lane]), near);
+        lower[lane] = box.lower;
+        upper[lane] = box.upper;
         const float3 extent = upper[lane] - lower[lane];
         if (node.w - node.z < CAPSULE_LIMIT) {
             const float size = fmax(extent.x, fmax(extent.y, extent.z));
             capsules[lane] = fit_capsule(vertices, leaves, node.z, node.w, near, size);
         } else {  /* the sphere around the box, should the block need capsules */
             all_fit = false;
-            capsules[lane].a = capsules[lane].b = 0.5f * ((lower[lane] - near) + (upper[lane] - near));
+            capsules[lane].a = capsules[lane].b = 0.5f * (lower[lane] + upper[lane]);
             capsules[lane].radius = 0.500001f * length(extent);
         }
         const float r = capsules[lane].radius * inverse_size;
@@ -183,6 +194,6 @@ __kernel void fill_blocks(
         write_capsules(block, n_lanes, n_segments, near, capsules, vertices);
     } else {
         block[FURCL_BLOCK_LANES] |= FURCL_BLOCK_BOXES;
-        write_boxes(block, n_lanes, lower, upper);
+        write_boxes(block, n_lanes, near, lower, upper);
     }
 }

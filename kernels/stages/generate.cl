@@ -16,8 +16,7 @@ __kernel void generate(
     const CameraRay ray = camera_ray(&camera, &wave, pixel_of_slot(&wave, slot));
     set_path_float3(paths, PS_ORIGIN, slot, ray.origin);
     set_path_float3(paths, PS_DIR, slot, ray.direction);
-    set_path_uint(paths, PS_SKIP_SEGMENT, slot, FURCL_NO_SEGMENT);
-    set_path_float(paths, PS_SKIP_DISTANCE, slot, 0.0f);
+    set_path_uint(paths, PS_FROM_SEGMENT, slot, FURCL_NO_SEGMENT);
     set_path_spectrum(paths, PS_THROUGHPUT, slot, spectrum(1.0f));
     set_path_spectrum(paths, PS_RADIANCE, slot, spectrum(0.0f));
 #if FURCL_LIGHT_SAMPLING

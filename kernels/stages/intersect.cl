@@ -24,7 +24,7 @@ static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
     *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_DIR, slot),
-                     path_float(paths, PS_SKIP_DISTANCE, slot), path_uint(paths, PS_SKIP_SEGMENT, slot)};
+                     path_uint(paths, PS_FROM_SEGMENT, slot)};
     *hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT};
 #if FURCL_SURFACE
     surface_hit(rays->surface, query, hit);
@@ -53,7 +53,7 @@ static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 
 /* Finds what the ray of every path meets first.
 
-   reads    state: ORIGIN, DIR, SKIP_*; the groom; active_counts: COUNT_NEXT of the bounce before
+   reads    state: ORIGIN, DIR, FROM_SEGMENT; the groom; active_counts: COUNT_NEXT of the bounce before
    writes   state: HIT_*; the hit queue of each material, the miss queue and their lengths in counts
    over     the queue of paths that go on, FURCL_RAYS_PER_ITEM a work-item
    next     shade_escaped over the miss queue; for each material sample_lobe_h and shade, or
@@ -89,8 +89,7 @@ static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, H
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
     *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_SHADOW_DIR, slot),
-                     path_float(paths, PS_SHADOW_SKIP_DISTANCE, slot),
-                     path_uint(paths, PS_SKIP_SEGMENT, slot)};
+                     path_uint(paths, PS_FROM_SEGMENT, slot)};
     float distance = INFINITY;
 #if !FURCL_LIGHT_AT_INFINITY
     distance = path_float(paths, PS_SHADOW_DISTANCE, slot);
@@ -113,7 +112,7 @@ static inline void store_shadow_hit(const PathRays* rays, uint i, const Hit* hit
 
 /* Adds the light sample of every path that nothing keeps from it.
 
-   reads    state: ORIGIN, SHADOW_*, SKIP_SEGMENT; the groom
+   reads    state: ORIGIN, SHADOW_*, FROM_SEGMENT; the groom
    writes   state: RADIANCE
    over     the shadow queue, FURCL_RAYS_PER_ITEM a work-item
    next     intersect_closest */

@@ -6,13 +6,6 @@
 #include <light>
 #endif
 
-/* On the fibre a ray starts on the axis: nearer than four radii over the sine of its angle to the
-   tangent it has not left this strand, however the strand bends. */
-static inline float distance_inside(float radius, float cos_theta)
-{
-    return 4.0f * radius / fmax(cos_theta, 1e-6f);
-}
-
 /* The point on the axis and the radius (w) where a path met a fibre. */
 static inline float4 point_on_fibre(Paths paths, uint slot, __global const StoredVertex* vertices)
 {
@@ -32,7 +25,6 @@ static inline void add_light_sample(
     const float3 w = frame_angles(frame, sample.direction);
     bounce->light_direction = sample.direction;
     bounce->light_distance = sample.distance;
-    bounce->light_skip_distance = distance_inside(at.w, w.y);
     const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi);
     bounce->light = sample.pdf > 0.0f
         ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(towards.pdf))
@@ -47,14 +39,13 @@ static inline Bounce scatter_at_fibre(
 {
     Bounce bounce;
     bounce.origin = at.xyz;
-    bounce.skip_segment = path_uint(paths, PS_HIT_SEGMENT, slot);
+    bounce.from_segment = path_uint(paths, PS_HIT_SEGMENT, slot);
     bounce.weight = spectrum(0.0f);
     const uint lobe = path_uint(paths, PS_LOBE, slot);
     if (lobe >= FURCL_LOBES) return bounce;
     const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, in, path_float(paths, PS_OFFSET_H, slot));
     const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
     bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
-    bounce.skip_distance = distance_inside(at.w, d.y);
     bounce.weight =
         (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.z);
 #if FURCL_LIGHT_SAMPLING
@@ -66,7 +57,7 @@ static inline Bounce scatter_at_fibre(
 /* Continues paths that met a fibre: next ray, light sample, Russian roulette.
 
    reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, material, light
-   writes   state: ORIGIN, DIR, SKIP_*, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
+   writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
    over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
 __kernel void shade(

@@ -13,15 +13,13 @@ static inline Bounce scatter_at_surface(
     float pdf;
     bounce.origin = at->position;
     bounce.direction = diffuse_sample(at->normal, xi.xy, &pdf);
-    bounce.skip_segment = FURCL_NO_SEGMENT;
-    bounce.skip_distance = 0.0f;
+    bounce.from_segment = FURCL_NO_SEGMENT;
     bounce.weight = at->albedo;
 #if FURCL_LIGHT_SAMPLING
     bounce.pdf = pdf;
     const LightSample sample = light_sample(light, at->position, light_xi.xy);
     bounce.light_direction = sample.direction;
     bounce.light_distance = sample.distance;
-    bounce.light_skip_distance = 0.0f;
     const float towards = diffuse_pdf(at->normal, sample.direction);
     bounce.light = towards > 0.0f && sample.pdf > 0.0f
         ? at->albedo * towards / (rival_density(towards) + sample.pdf) * spectrum_from3(sample.radiance)
@@ -33,7 +31,7 @@ static inline Bounce scatter_at_surface(
 /* Continues paths that met the surface: next ray, light sample, Russian roulette.
 
    reads    state: ORIGIN, DIR, HIT_T, THROUGHPUT; light
-   writes   state: ORIGIN, DIR, SKIP_*, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
+   writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
    over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
 __kernel void shade_surface(

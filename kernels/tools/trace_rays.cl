@@ -1,13 +1,13 @@
 /* Rays in plain arrays, for benchmarks and tests.
 
-   A ray: origins (xyz, distance skipped on the own strand), directions (xyz, t_max), skip_segment.
+   A ray: origins (xyz, unused), directions (xyz, t_max), from_segment.
    Both kernels are launched over rays, FURCL_RAYS_PER_ITEM a work-item. */
 #include "bvh/traversal.clh"
 
 typedef struct {
     __global const float4* origins;
     __global const float4* directions;
-    __global const uint* skip_segment;
+    __global const uint* from_segment;
     __global float* t;
     __global uint* segment;
     __global float* u;
@@ -16,7 +16,7 @@ typedef struct {
 static inline void load_array_ray(const ArrayRays* rays, uint i, Query* query, Hit* hit)
 {
     const float4 o = rays->origins[i], d = rays->directions[i];
-    *query = (Query){o.xyz, d.xyz, o.w, rays->skip_segment[i]};
+    *query = (Query){o.xyz, d.xyz, rays->from_segment[i]};
     *hit = (Hit){d.w, 0.0f, FURCL_NO_SEGMENT};
 }
 
@@ -36,11 +36,11 @@ static inline void store_array_occluded(const ArrayRays* rays, uint i, const Hit
    writes   nearest hits in (0, t_max]: t, segment, u; of a miss t_max, FURCL_NO_SEGMENT, 0 */
 __kernel void trace_rays(
     const uint n_rays, __global const float4* origins, __global const float4* directions,
-    __global const uint* skip_segment, __global float* t, __global uint* segment, __global float* u,
+    __global const uint* from_segment, __global float* t, __global uint* segment, __global float* u,
     __global const uint* blocks, __global const StoredVertex* vertices, __global const uint* strands)
 {
     const Groom groom = groom_of(blocks, vertices, strands);
-    const ArrayRays rays = {origins, directions, skip_segment, t, segment, u};
+    const ArrayRays rays = {origins, directions, from_segment, t, segment, u};
     TRACE_RAYS(&groom, n_rays, false, load_array_ray, store_array_hit, &rays);
 }
 
@@ -48,10 +48,10 @@ __kernel void trace_rays(
    writes   occluded: 1 where anything lies in (0, t_max], else 0 */
 __kernel void trace_shadow_rays(
     const uint n_rays, __global const float4* origins, __global const float4* directions,
-    __global const uint* skip_segment, __global uint* occluded, __global const uint* blocks,
+    __global const uint* from_segment, __global uint* occluded, __global const uint* blocks,
     __global const StoredVertex* vertices, __global const uint* strands)
 {
     const Groom groom = groom_of(blocks, vertices, strands);
-    const ArrayRays rays = {origins, directions, skip_segment, 0, occluded, 0};
+    const ArrayRays rays = {origins, directions, from_segment, 0, occluded, 0};
     TRACE_RAYS(&groom, n_rays, true, load_array_ray, store_array_occluded, &rays);
 }
