@@ -1,5 +1,6 @@
 """Writing files so that a reader never sees half of one."""
 
+import errno
 import logging
 import os
 import secrets
@@ -8,7 +9,30 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
+from furcl.errors import FurclError
+from furcl.values import shown
+
 log = logging.getLogger(__name__)
+
+
+def named(path: str | os.PathLike[str], error: type[FurclError]) -> Path:
+    """A path that a file may have, there or not.
+
+    Raises
+    ------
+    error       another type, a zero in it, letters that the system cannot spell, too long a name
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise error(f"path = {shown(path)}: expected the path of a file")
+    path = Path(path)
+    try:
+        os.lstat(path)
+    except ValueError as reason:
+        raise error(f"path {shown(str(path))}: no file can be called so: {reason}") from None
+    except OSError as reason:
+        if reason.errno == errno.ENAMETOOLONG:
+            raise error(f"path {shown(str(path))}: the name is too long; choose another") from None
+    return path
 
 
 @contextmanager

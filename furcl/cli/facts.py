@@ -20,14 +20,16 @@ if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.fibre.material import FibreMaterial
 
 
-def of_groom(path: Path) -> dict[str, str]:
-    """Counts, lengths, radii and bounds of a groom file.
+def of_groom(
+    path: Path, default_radius: float | None = None, radius_scale: float = 1.0
+) -> dict[str, str]:
+    """Counts, lengths, radii and bounds of a groom file, read with options of `load_curves`.
 
     Raises
     ------
     GroomError      if the file cannot be used
     """
-    return {"groom": str(path), **_of_curves(load_curves(path))}
+    return {"groom": str(path), **_of_curves(load_curves(path, default_radius, radius_scale))}
 
 
 def of_scene(scene: Scene) -> dict[str, str]:

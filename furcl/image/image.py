@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furcl.errors import ImageError
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
-from furcl.image.exr import read_exr, rgb_of, write_exr
+from furcl.image.exr import read_exr, rgb_of, to_rec709_of, write_exr
 
 SUFFIXES = (".exr", ".png")
 # Statistics that get a header attribute of their own; all of them are in the attribute
@@ -80,12 +80,19 @@ class Image:
 
         Raises
         ------
-        ImageError      no such file, no OpenEXR file, damaged, or without the channels
+        ImageError      no such file, no OpenEXR file, damaged, or without the channels; and where
+                        `chromaticities` that are not Rec.709 stand beside a variance (others are
+                        converted)
         """
         channels, header = read_exr(path)
         names = [f"variance.{name}" for name in "RGB"]
         variance = None
         if all(name in channels for name in names):
+            if to_rec709_of(header, path) is not None:
+                raise ImageError(
+                    f"{path}: carries a variance, and its chromaticities are not those of Rec.709; "
+                    f"leave out the channels {', '.join(names)}, which cannot be converted"
+                )
             variance = np.stack([channels[name] for name in names], axis=2)
         try:
             stats = json.loads(header.get(STATS_ATTRIBUTE, "{}"))
@@ -94,7 +101,7 @@ class Image:
                 f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
                 f"save the picture again"
             ) from None
-        return cls(rgb_of(channels, path), variance, stats)
+        return cls(rgb_of(channels, header, path), variance, stats)
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
