@@ -35,6 +35,14 @@ def named(path: str | os.PathLike[str], error: type[FurclError]) -> Path:
     return path
 
 
+def is_file(path: str | os.PathLike[str]) -> bool:
+    """Whether there is a file of that name; of a name that cannot be one there is none."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `path`, with the same suffix, that becomes `path` on success.

@@ -12,6 +12,7 @@ import pyopencl as cl
 
 from furcl.device import verdict as _verdict
 from furcl.errors import DeviceError, NoDeviceError
+from furcl.values import shown
 
 log = logging.getLogger(__name__)
 
@@ -210,8 +211,13 @@ def open_device(spec: str | None = None) -> Device:
 
     Raises
     ------
-    NoDeviceError, DeviceError      as `choose`
+    NoDeviceError, DeviceError      as `choose`; DeviceError also for what is no text
     """
+    if spec is not None and not isinstance(spec, str):
+        raise DeviceError(
+            f"device = {shown(spec)}: expected text: a number of `furcl devices`, P:D, or a part "
+            f"of a name"
+        )
     from_environment = os.environ.get("FURCL_DEVICE", "")
     wanted, asked_by = (spec, "--device") if spec else (from_environment, "FURCL_DEVICE")
     candidates = list_candidates()

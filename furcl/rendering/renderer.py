@@ -17,6 +17,7 @@ from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
 from furcl.image.image import Image
+from furcl.rendering.arguments import check_curves, check_stops
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
 from furcl.rendering.wavefront import QueueLengths
@@ -74,6 +75,7 @@ class Renderer:
         specialised: bool = True,
         curves: Curves | Future[Curves] | None = None,
     ) -> None:
+        check_curves(curves)
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
@@ -287,6 +289,7 @@ def render(
     ------
     SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError
     """
+    check_stops(progress, time_limit)
     if not isinstance(scene, Scene):
         from furcl.scene.read import load_scene
 
