@@ -16,7 +16,7 @@ def available_bytes() -> int:
     """
     free = 1 << 62
     try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
+        lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
         facts = dict(line.split(":", 1) for line in lines if ":" in line)
         free = int(facts["MemAvailable"].split()[0]) * 1024
     except (OSError, KeyError, ValueError):
@@ -24,7 +24,9 @@ def available_bytes() -> int:
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY:
         try:
-            used = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+            used = int(
+                Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]
+            ) * os.sysconf("SC_PAGE_SIZE")
         except (OSError, ValueError):
             used = 0
         free = min(free, max(limit - used, 0))

@@ -40,7 +40,7 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
             return []
         seen.add(path.resolve())
         try:
-            text = path.read_text()
+            text = path.read_text(encoding="utf-8")
         except OSError as error:
             raise KernelBuildError(
                 f"{asked_by}: {path} cannot be read: {error.strerror}; is it still there?"

@@ -67,7 +67,7 @@ class Sampler:
         """
         path = kernel_folder() / "include" / self.header
         try:
-            return path.read_text()
+            return path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise SamplerError(

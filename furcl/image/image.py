@@ -36,12 +36,15 @@ class Image:
                                     unknown
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
+    samples : (H, W) uint32         of every pixel, where some have none; else None. EXR files then
+                                    have the channels `samples` and A, 1 where there are any
     """
 
     rgb: NDArray[np.float32]
     variance: NDArray[np.float32] | None = None
     stats: dict[str, Any] = field(default_factory=dict)
     exposure_stops: float = 0.0
+    samples: NDArray[np.uint32] | None = None
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
@@ -50,6 +53,11 @@ class Image:
             raise ImageError(
                 f"variance has the shape {self.variance.shape}; expected that of rgb, "
                 f"{self.rgb.shape}"
+            )
+        if self.samples is not None and self.samples.shape != self.rgb.shape[:2]:
+            raise ImageError(
+                f"samples has the shape {self.samples.shape}; expected that of the pixels, "
+                f"{self.rgb.shape[:2]}"
             )
 
     def __repr__(self) -> str:
@@ -101,7 +109,10 @@ class Image:
                 f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
                 f"save the picture again"
             ) from None
-        return cls(rgb_of(channels, header, path), variance, stats)
+        samples = channels.get("samples")
+        if samples is not None:
+            samples = samples.astype(np.uint32)
+        return cls(rgb_of(channels, header, path), variance, stats, samples=samples)
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
@@ -147,6 +158,9 @@ class Image:
         channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
         if self.variance is not None:
             channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
+        if self.samples is not None:
+            channels["A"] = np.asarray(self.samples > 0, np.float32)
+            channels["samples"] = np.asarray(self.samples, np.float32)
         return channels
 
 

@@ -103,7 +103,7 @@ def _check_environment() -> Iterator[Finding]:
 def _check_runtimes() -> Iterator[Finding]:
     for folder in vendor_folders():
         for icd in sorted(folder.glob("*.icd")) if folder.is_dir() else ():
-            library = icd.read_text(errors="replace").strip()
+            library = icd.read_text(encoding="utf-8", errors="replace").strip()
             if library.startswith("/") and not Path(library).exists():
                 found = f"names {library}, which does not exist"
                 remedy = PROVISION if folder != SYSTEM_VENDORS else "reinstall that runtime"
@@ -124,7 +124,9 @@ def _check_runtimes() -> Iterator[Finding]:
 def _check_devices() -> Iterator[Finding]:
     # A runtime that ends the process when asked for its devices must not end the doctor.
     count = "import pyopencl as cl; print([len(p.get_devices()) for p in cl.get_platforms()])"
-    done = subprocess.run(python_command("-c", count), capture_output=True, text=True)
+    done = subprocess.run(
+        python_command("-c", count), capture_output=True, text=True, errors="replace"
+    )
     if done.returncode < 0:
         found = f"asking for the devices ends the process with signal {-done.returncode}"
         yield Finding("error", "OpenCL", found, "remove the runtime listed last above")

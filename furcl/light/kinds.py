@@ -78,7 +78,7 @@ def register(light: type[Light]) -> type[Light]:
             f'tag="{kind}")'
         )
     try:
-        text = (kernel_folder() / "include" / light.header).read_text()
+        text = (kernel_folder() / "include" / light.header).read_text(encoding="utf-8")
     except OSError as error:
         raise LightError(
             f"light {kind!r}: {light.header} cannot be read: {error.strerror}; give the class the "

@@ -205,13 +205,18 @@ class Renderer:
         return wave
 
     def image(self) -> Image:
-        """The picture so far, with its statistics."""
-        mean, variance, _ = self.film.read(self.memory)
+        """The picture so far, with its statistics; pixels without samples are 0."""
+        mean, variance, samples = self.film.read(self.memory)
+        empty = samples == 0
+        n_empty = int(empty.sum())
+        for values in (mean, variance) if n_empty else ():
+            values[empty] = 0.0
         return Image(
             rgb=mean,
             variance=variance,
-            stats=self.stats(),
+            stats={**self.stats(), "pixels_without_samples": n_empty},
             exposure_stops=self.scene.film.exposure_stops,
+            samples=samples if n_empty else None,
         )
 
     def stats(self) -> dict:
