@@ -36,7 +36,7 @@ _EXPLANATIONS = (
     ),
     (
         'Executable "ld" doesn\'t exist',
-        "it needs the linker ld, which no folder of PATH holds: install binutils, or set PATH",
+        "it needs the linker ld, which no folder of PATH holds: the package binutils has it",
     ),
     ("OUT_OF_HOST_MEMORY", "it ran out of memory"),
     ("COMPILER_NOT_AVAILABLE", "it comes without a compiler"),

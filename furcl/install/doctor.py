@@ -137,9 +137,15 @@ def _check_devices() -> Iterator[Finding]:
         )
         return
 
-    from furcl.device.choice import list_candidates
+    from furcl.device.absence import POCL, pocl_cache_problem
+    from furcl.device.choice import list_candidates, platform_names
 
     candidates = list_candidates()
+    problem = pocl_cache_problem() if POCL in platform_names() else None
+    if problem:
+        yield Finding("error", "PoCL's cache folder", *problem)
+        if not candidates:
+            return
     if not candidates:
         found = "there is a platform, but it has no device (a GPU's may not be readable for you)"
         yield Finding("error", "OpenCL", found, f"{CPU_RUNTIME}; for a GPU join the group render")
