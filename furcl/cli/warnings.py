@@ -15,7 +15,7 @@ from furcl.surface.ellipsoid import Body
 Array = NDArray[np.float64]
 
 POINTS = 100_000  # as many points of a groom are looked at
-FAR_SIZES = 1e6  # float32 places points within a millionth of their distance or less
+FAR_SIZES = 1e5  # there float32 places points within a hundredth of the groom's size
 SMALL_PX = 2.0
 THIN_PX = 1e-3
 LONG_SPP = 1e11  # samples of all pixels: hours on any machine
@@ -63,14 +63,14 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
     in_front = depth > 0.0
     half = np.tan(np.radians(camera.vfov_deg) / 2.0)
     if not in_front.any():
-        yield "the whole groom is behind the camera; turn the camera, or leave origin and target out"
+        yield "the groom is behind the camera; turn the camera, or leave origin and target out"
         return
     seen, z = points[in_front], depth[in_front]
     y = (seen - origin) @ up / (half * z)
     x = (seen - origin) @ right / (half * z * scene.film.aspect)
     if not ((np.abs(x) < 1.0) & (np.abs(y) < 1.0)).any():
         if x.min() > 1.0 or x.max() < -1.0 or y.min() > 1.0 or y.max() < -1.0:
-            yield "the groom is outside the picture; turn the camera, or leave origin and target out"
+            yield "the groom is outside the picture; turn the camera, or leave origin out"
         return
     height_px = 0.5 * scene.film.height
     extent = max(float(np.ptp(x)) * scene.film.aspect, float(np.ptp(y))) * height_px
