@@ -1,14 +1,52 @@
 """Writing files so that a reader never sees half of one."""
 
+import errno
 import logging
 import os
+import re
 import secrets
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
+from furcl.errors import FurclError
+from furcl.values import shown
+
+# Older temporary files belong to no process that still writes them.
+OLD_S = 3600.0
+_TEMPORARY = re.compile(r"\.furcl-[0-9a-f]{16}(\.\w+)?")
+
 log = logging.getLogger(__name__)
+
+
+def named(path: str | os.PathLike[str], error: type[FurclError]) -> Path:
+    """A path that a file may have, there or not.
+
+    Raises
+    ------
+    error       another type, a zero in it, letters that the system cannot spell, too long a name
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise error(f"path = {shown(path)}: expected the path of a file")
+    path = Path(path)
+    try:
+        os.lstat(path)
+    except ValueError as reason:
+        raise error(f"path {shown(str(path))}: no file can be called so: {reason}") from None
+    except OSError as reason:
+        if reason.errno == errno.ENAMETOOLONG:
+            raise error(f"path {shown(str(path))}: the name is too long; choose another") from None
+    return path
+
+
+def is_file(path: str | os.PathLike[str]) -> bool:
+    """Whether there is a file of that name; of a name that cannot be one there is none."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
 
 
 @contextmanager
@@ -18,7 +56,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     When the block raises, the temporary file is removed and an older file at `path` is kept.
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}{path.suffix}")
+    _remove_old(path.parent)
+    temporary = path.with_name(f".furcl-{secrets.token_hex(8)}{path.suffix}")
     try:
         yield temporary
         temporary.replace(path)
@@ -27,8 +66,42 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise
 
 
+@cache
+def _remove_old(folder: Path) -> None:
+    """Remove, once a process, temporary files that killed processes left in a folder long ago."""
+    try:
+        for path in folder.glob(".furcl-*"):
+            if _TEMPORARY.fullmatch(path.name) and time.time() - path.stat().st_mtime > OLD_S:
+                path.unlink()
+                log.info("removed %s, which a process left that was killed", path)
+    except OSError:  # another process was quicker, or the folder cannot be read
+        pass
+
+
+def check_writable(path: Path, error: type[FurclError]) -> None:
+    """Refuse a path that could not be written to later; makes its folder.
+
+    Raises
+    ------
+    error       no file can be called so, it is a folder, or its folder cannot be written to
+    """
+    named(path, error)
+    if path.is_dir():
+        raise error(f"{path}: is a folder; give the name of a file")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        probe = path.with_name(f".furcl-{secrets.token_hex(8)}{path.suffix}")
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as reason:
+        raise error(
+            f"{path}: cannot be written: {reason.strerror}; check the folder, its rights and the "
+            f"space left"
+        ) from None
+
+
 def write_cache(path: Path, write: Callable[[Path], object]) -> None:
-    """Have `write` make a cache file; a folder that cannot be written to is logged and no error.
+    """Have `write` make a cache file; where that is not possible it is logged and no error.
 
     Parameters
     ----------
@@ -38,8 +111,8 @@ def write_cache(path: Path, write: Callable[[Path], object]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(path) as temporary:
             write(temporary)
-    except OSError as error:
-        _warn(path.parent, error.strerror)
+    except (OSError, FurclError) as error:
+        _warn(path.parent, getattr(error, "strerror", None) or str(error))
 
 
 @cache

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Generic, TypeVar
 
 from furcl.errors import FurclError
@@ -66,6 +68,41 @@ class Registry(Generic[T]):
                 f"{self.what} {name!r}: the name is {reason}; the name must not be empty or one of "
                 f"{', '.join(self.built_in)}; choose another"
             )
+
+    def check_header(self, name: str, header: Path, functions: Sequence[str], see: str) -> set[str]:
+        """Refuse a header of OpenCL C that cannot be read or lacks a function.
+
+        Parameters
+        ----------
+        name : str          of the thing
+        header : path       absolute
+        functions : names   that it must have as whole words; where an included file defines them, a
+                            comment may name them
+        see : str           page or file that says what they are
+
+        Returns
+        -------
+        set of str          all words of the header
+
+        Raises
+        ------
+        self.error
+        """
+        try:
+            text = header.read_text(encoding="utf-8")
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8"
+            raise self.error(
+                f"{self.what} {name!r}: {header} cannot be read: {reason}; register it with the "
+                f"path of its file"
+            ) from None
+        words = set(re.findall(r"\w+", text))
+        missing = [function for function in functions if function not in words]
+        if missing:
+            raise self.error(
+                f"{self.what} {name!r}: {header} does not define {' and '.join(missing)}; see {see}"
+            )
+        return words
 
     def add(self, name: str, thing: T) -> None:
         """Make a thing known under a name; one of that name is replaced. Raises as `check_name`."""

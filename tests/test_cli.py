@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,10 @@ class FakeRender:
         self.given = {"scene": scene, **keywords}
         if self.interrupt:
             os.kill(os.getpid(), signal.SIGINT)
+            for _ in range(500):  # another thread receives it
+                if keywords["progress"](50, 100):
+                    break
+                time.sleep(0.01)
         self.stopped = keywords["progress"](50, 100)
         rgb = np.full((2, 3, 3), 0.25, np.float32)
         return Image(rgb, np.zeros_like(rgb), {"spp": 4, "seed": 1})

@@ -117,6 +117,15 @@ def test_dropped_counts_of_the_caller_are_kept():
     assert dict(curves.dropped) == {"transparency_values": 9}
 
 
+def test_radii_of_zero_are_as_thin_as_can_be_and_counted():
+    points, radii, offsets = three_strands()
+    radii[[2, 4]] = 0.0, 1e-30
+    curves = Curves.from_arrays(points, radii, offsets)
+    assert curves.radii[[2, 4]].tolist() == [np.float32(1e-18)] * 2
+    assert dict(curves.dropped) == {"radii_below_1e-18": 2}
+    assert (radii[[2, 4]] == np.float32([0.0, 1e-30])).all()  # the caller's are left alone
+
+
 def changed(vertex=None, value=None, **arrays):
     """Arguments of from_arrays with one point, or whole arrays, replaced."""
     points, radii, offsets = three_strands()
@@ -139,7 +148,6 @@ REFUSED = {
         changed(points=[[0, 0, 0], [1e300, 0, 0]], radii=[1, 1], offsets=[0, 2]),
         r"strand 0, point 1 is \(inf, 0, 0\)",
     ),
-    "zero radius": (changed_radius(5, 0.0), "strand 2, point 0: radius 0; .*positive"),
     "negative radius": (changed_radius(2, -0.5), "strand 0, point 2: radius -0.5"),
     "nan radius": (changed_radius(3, np.nan), "strand 1, point 0: radius nan; .*finite"),
     "infinite radius": (changed_radius(3, np.inf), "strand 1, point 0: radius inf"),

@@ -166,6 +166,7 @@ def test_philox_known_answers(counter: str, key: str, expected: str) -> None:
         ("", -11, "SIGSEGV: it printed nothing"),
         ("build failed\nx.clh:1: error: no type\n", 10, "x.clh:1: error: no type"),
         ("float8 arithmetic: differs\nmore\n", 10, "float8 arithmetic: differs"),
+        ("Traceback (most recent call last):\n  File x\nOSError: no\n", 1, "OSError: no"),
     ],
 )
 def test_failures_in_plain_words(output: str, code: int, words: str) -> None:
@@ -186,8 +187,8 @@ def fake_python(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> P
     ("script", "passed", "words", "remembered"),
     [
         ("exit 0", True, "", True),
-        ("echo wrong sums; exit 10", False, "wrong sums", True),
-        ("echo bad CPU; kill -ABRT $$", False, "SIGABRT: bad CPU", True),
+        ("echo wrong sums; exit 10", False, "wrong sums", False),
+        ("echo bad CPU; kill -ABRT $$", False, "SIGABRT: bad CPU", False),
         ("echo cannot start; exit 1", False, "cannot start", False),
         ("exec sleep 20", False, "did not end", False),
     ],
@@ -230,6 +231,32 @@ def test_verdict_is_asked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("FURCL_CACHE_DIR", os.devnull)
     verdict.of("0:0", "driver 2")
     assert count() == 6
+
+
+def test_a_verdict_holds_where_it_was_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a runtime needs of the environment is part of it: a linker, folders, settings."""
+    runs = fake_python(tmp_path, monkeypatch, "exit 0")
+    for name, value in (("PATH", "/nowhere"), ("HOME", "/nowhere"), ("POCL_DEVICES", "none")):
+        verdict.of("0:0", "a device")
+        before = runs.read_text().count("run")
+        monkeypatch.setenv(name, value)
+        verdict.of("0:0", "a device")
+        assert runs.read_text().count("run") == before + 1
+        monkeypatch.undo()
+        runs = fake_python(tmp_path, monkeypatch, "exit 0")
+
+
+def test_a_remembered_failure_is_not_believed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as former versions wrote."""
+    fake_python(tmp_path, monkeypatch, "exit 0")
+    assert verdict.of("0:0", "a device").passed
+    (path,) = (tmp_path / "cache" / "selftest").iterdir()
+    path.write_text('{"passed": false, "reason": "it is over"}')
+    assert verdict.of("0:0", "a device").passed
 
 
 def test_modules_of_the_working_folder_are_not_run(tmp_path: Path) -> None:

@@ -58,6 +58,30 @@ def test_bad_options(tmp_path, options, message):
         load_curves(written(tmp_path, hair_bytes()), **options)
 
 
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("groom.hair", hair_bytes(thickness=THICKNESS * 0)),
+        ("groom.npz", npz_bytes(**good_arrays(radii=THICKNESS * 0))),
+    ],
+)
+def test_default_radius_replaces_radii_that_are_all_zero(tmp_path, name, data):
+    path = written(tmp_path, data, name)
+    np.testing.assert_array_equal(load_curves(path, 0.25).radii, np.full(9, 0.25))
+    with pytest.raises(GroomError, match="--default-radius R"):
+        load_curves(path)
+
+
+@pytest.mark.parametrize("scale", [0.25, 8.0])
+def test_scaled_tips_of_radius_zero_are_read_and_counted(tmp_path, scale):
+    radii = THICKNESS.copy()
+    radii[[2, 8]] = 0.0
+    path = written(tmp_path, npz_bytes(**good_arrays(radii=radii)), "groom.npz")
+    curves = load_curves(path, radius_scale=scale)
+    assert curves.dropped["radii_below_1e-18"] == 2
+    np.testing.assert_array_equal(curves.radii[3:8], radii[3:8] * np.float32(scale))
+
+
 @pytest.mark.parametrize("name", ["missing.hair", "missing.npz", "folder.hair", "folder.npz"])
 def test_unreadable_path(tmp_path, name):
     (tmp_path / "folder.hair").mkdir()

@@ -47,3 +47,26 @@ def test_only_what_was_added_is_removed(registry, name):
 def test_unknown_names(registry, name, remedy):
     with pytest.raises(LightError, match=f"^light '{name}': known are sky, image; {remedy}$"):
         registry.find(name, f"light {name!r}: known are", "furcl.lights.register")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "lamp.clh cannot be read: No such file"),
+        (b"radiance \xff sample", "lamp.clh cannot be read: it is not UTF-8"),
+        (b"radiance", "lamp.clh does not define sample; see the page$"),
+        (b"radiance resample sample_all", "does not define sample"),  # whole words
+    ],
+)
+def test_headers_that_cannot_be_used(registry, tmp_path, content, message):
+    header = tmp_path / "lamp.clh"
+    if content is not None:
+        header.write_bytes(content)
+    with pytest.raises(LightError, match=f"^light 'lamp': .*{message}"):
+        registry.check_header("lamp", header, ("radiance", "sample"), "the page")
+
+
+def test_words_of_a_header(registry, tmp_path):
+    (tmp_path / "lamp.clh").write_text("float radiance(int a);\nsample")
+    words = registry.check_header("lamp", tmp_path / "lamp.clh", ("radiance", "sample"), "")
+    assert words == {"float", "radiance", "int", "a", "sample"}

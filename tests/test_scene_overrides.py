@@ -157,10 +157,11 @@ def test_text_is_text_whatever_toml_makes_of_it(scene_file, name, monkeypatch):
     ],
 )
 def test_a_value_where_a_table_is_expected(scene_file, key, shown):
-    """The example that is given can be set as it is."""
+    """The example that is given can be set as it is; the keys, or what says which, follow."""
     with pytest.raises(SceneError) as caught:
         load_scene(scene_file, overrides=[f"{key}=1"])
-    assert str(caught.value).endswith(f"{key} = 1: expected a table, for example {shown}")
+    assert f"{key} = 1: expected a table, for example {shown}; " in str(caught.value)
+    assert shown.split("=")[0].split(".")[-1] in str(caught.value).split("; ")[-1]
     if key != "curves":  # its file does not exist
         load_scene(scene_file, overrides=[shown])
 

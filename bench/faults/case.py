@@ -1,6 +1,4 @@
-"""What a case of a fault is: something that went wrong once, run at full size."""
-
-from __future__ import annotations
+"""One way to break furcl, and what must happen instead."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,14 +7,13 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Case:
-    """A fault that must be over.
+    """A fault that furcl must not have.
 
     Attributes
     ----------
-    name : str
-    run : callable      run(folder, quick) returns one line of what happened; raises AssertionError
-                        where it is wrong. `folder` is empty and its own; `quick` asks for a short
-                        form.
+    name : str          what is done
+    run : callable      takes an empty folder and whether to be quick; returns one line of what
+                        happened, raises AssertionError where that is wrong
     """
 
     name: str

@@ -98,7 +98,7 @@ class _State:
         self.data: dict[str, Any] = {"scenes": {}, "setup": {}, "renders": {}}
         if path.exists():
             try:
-                self.data = json.loads(path.read_text())
+                self.data = json.loads(path.read_text(encoding="utf-8"))
             except ValueError:
                 raise BenchError(
                     f"{path}: not JSON; it was edited or damaged, remove it to start again"
@@ -106,7 +106,7 @@ class _State:
 
     def save(self) -> None:
         with atomic_path(self.path) as temporary:
-            temporary.write_text(json.dumps(self.data))
+            temporary.write_text(json.dumps(self.data), encoding="utf-8")
 
 
 class _Counter:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +15,14 @@ import msgspec
 import numpy as np
 
 from furcl.bench.convergence_variants import settings_of
+from furcl.errors import ImageError
+from furcl.files import write_cache
 from furcl.image.image import Image
 from furcl.paths import cache_folder
 from furcl.rendering.renderer import Renderer
 from furcl.scene.tables import Scene
+
+log = logging.getLogger(__name__)
 
 PILOT_SPP = 8
 N_CHUNKS = 8
@@ -111,15 +117,13 @@ def render_reference(
     """
     part_spp = -(-spp // N_CHUNKS)
     folder = _folder(renderer, content, part_spp, seed_of)
-    folder.mkdir(parents=True, exist_ok=True)
-    parts = []
-    for k in range(N_CHUNKS):
-        path = folder / f"part{k}.exr"
-        if not path.exists():
-            image, seconds, _ = render_once(renderer, seed_of("reference", k), part_spp)
-            image.stats["wall_seconds"] = seconds
-            image.save(path)
-        parts.append(Image.load(path))
+
+    def render_part(k: int) -> Image:
+        image, seconds, _ = render_once(renderer, seed_of("reference", k), part_spp)
+        image.stats["wall_seconds"] = seconds
+        return image
+
+    parts = [_kept(folder / f"part{k}.exr", partial(render_part, k)) for k in range(N_CHUNKS)]
     pictures = [part.rgb.astype(np.float64) for part in parts]
     rgb = np.mean(pictures, axis=0)
     variance = np.var(pictures, axis=0, ddof=1) / N_CHUNKS
@@ -139,6 +143,18 @@ def render_reference(
         "key": folder.name,
     }
     return Reference(Image(rgb.astype(np.float32), variance.astype(np.float32)), facts)
+
+
+def _kept(path: Path, render_part: Callable[[], Image]) -> Image:
+    """A part from the cache; rendered, and kept where that is possible, if none can be read."""
+    if path.is_file():
+        try:
+            return Image.load(path)
+        except ImageError as error:
+            log.warning("%s; rendering this part again", error)
+    image = render_part()
+    write_cache(path, image.save)
+    return image
 
 
 def reference_samples_left(

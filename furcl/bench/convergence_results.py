@@ -212,7 +212,10 @@ def write_results(results: Mapping[str, Any], folder: Path) -> None:
     """Write results.json and results.csv (one line a render)."""
     write_json(dict(results), folder / "results.json")
     lobes = list(dict.fromkeys(name for row in results["renders"] for name in row["lobes"]))
-    with atomic_path(folder / "results.csv") as temporary, temporary.open("w", newline="") as file:
+    with (
+        atomic_path(folder / "results.csv") as temporary,
+        temporary.open("w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow([*CSV_COLUMNS, *lobes])
         for row in results["renders"]:

@@ -101,7 +101,9 @@ def _time(command: list[str], folder: Path, environment: dict[str, str]) -> dict
     command = [*command, "-o", str(folder / "picture.exr"), "--stats", str(stats)]
     start = time.perf_counter()
     lines, first = [], None
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, encoding="utf-8", env=environment
+    ) as process:
         assert process.stderr is not None
         for line in process.stderr:
             lines.append(line)
@@ -113,7 +115,7 @@ def _time(command: list[str], folder: Path, environment: dict[str, str]) -> dict
     return {
         "first_samples": first,
         "end": end,
-        "parts": json.loads(stats.read_text())["seconds"],
+        "parts": json.loads(stats.read_text(encoding="utf-8"))["seconds"],
     }
 
 

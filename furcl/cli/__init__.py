@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import gc
+import io
 import os
+import resource
 import sys
 from collections.abc import Sequence
-from typing import Annotated, Any
+from contextlib import suppress
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -17,6 +20,10 @@ from furcl.settings import switched_on
 
 EXIT_ERROR = 2
 EXIT_NO_DEVICE = 3
+EXIT_INTERRUPTED = 130
+
+# Libraries and the OpenCL runtime take 0.9 GB of it before a scene is there.
+ADDRESS_SPACE_BYTES = 1 << 30
 
 # What the extra `report` installs.
 REPORT_MODULES = ("flip_evaluator", "jinja2", "matplotlib", "numba", "pcpp")
@@ -84,7 +91,15 @@ def _add_options(group: Any, options: list[Any]) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; always ends with SystemExit."""
     _start_fast()
+    _write_any_letter()
     set_up_logging()
+    try:
+        _run(arguments)
+    finally:
+        _flush()
+
+
+def _run(arguments: Sequence[str] | None) -> None:
     try:
         command()(arguments)
     except ModuleNotFoundError as error:
@@ -92,13 +107,60 @@ def main(arguments: Sequence[str] | None = None) -> None:
             raise
         module = (error.name or "").partition(".")[0]
         wanted = "'furcl[report]'" if module in REPORT_MODULES else "--force-reinstall furcl"
-        print(f"furcl: {error}; install it: pip install {wanted}", file=sys.stderr)
-        sys.exit(EXIT_ERROR)
+        _refuse(f"{error}; install it: pip install {wanted}")
     except FurclError as error:
         if switched_on("FURCL_TRACEBACK"):
             raise
-        print(f"furcl: {error}", file=sys.stderr)
-        sys.exit(EXIT_NO_DEVICE if isinstance(error, NoDeviceError) else EXIT_ERROR)
+        code = EXIT_NO_DEVICE if isinstance(error, NoDeviceError) else EXIT_ERROR
+        _refuse(f"{error}{_little_memory()}", code)
+    except OSError as error:
+        # Of the system: a full disk, rights, limits. Others are faults, and show where they arose.
+        if switched_on("FURCL_TRACEBACK") or not (error.strerror or _little_memory()):
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        _refuse(f"{where}{error.strerror or error}{_little_memory()}")
+    except MemoryError:
+        if switched_on("FURCL_TRACEBACK"):
+            raise
+        _refuse(f"the memory is used up{_little_memory()}; make the scene or picture smaller")
+    except SystemExit as error:
+        if type(error.__context__).__name__ == "Abort":  # Ctrl-C, which the parser ends with 1
+            sys.exit(EXIT_INTERRUPTED)
+        raise
+
+
+def _refuse(message: str, code: int = EXIT_ERROR) -> NoReturn:
+    print(f"furcl: {message}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _little_memory() -> str:
+    """What to say of an error where the process may have less address space than furcl needs."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY or limit >= ADDRESS_SPACE_BYTES:
+        return ""
+    return (
+        f" (this process may use {limit / 2**20:.0f} MiB of address space, furcl needs "
+        f"{ADDRESS_SPACE_BYTES / 2**20:.0f}; raise the limit: ulimit -v)"
+    )
+
+
+def _write_any_letter() -> None:
+    """Spell what the terminal's encoding lacks, rather than fail."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _flush() -> None:
+    """Write out what was printed; where that fails, say so and end with an error."""
+    try:
+        if sys.stdout:
+            sys.stdout.flush()
+    except (OSError, ValueError) as error:
+        with suppress(OSError, ValueError):  # or Python would try again at its end
+            sys.stdout.close()
+        _refuse(f"standard output cannot be written: {getattr(error, 'strerror', error)}")
 
 
 def _start_fast() -> None:

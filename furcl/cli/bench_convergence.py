@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from furcl.cli.console import progress_report
+from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
     QUICK,
     SAMPLER_FILE,
@@ -18,7 +19,6 @@ from furcl.cli.options import (
     Overrides,
     SceneNames,
 )
-from furcl.cli.render import EXIT_INTERRUPTED, interruptible
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +105,7 @@ def convergence(
     log.info("wrote %s, results.json and results.csv", page)
     if not results["complete"]:
         log.warning("stopped early; the same command continues")
-        raise typer.Exit(EXIT_INTERRUPTED)
+        raise interrupt.exit()
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from furcl.cli import warnings
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
@@ -20,25 +21,27 @@ if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.fibre.material import FibreMaterial
 
 
-def of_groom(path: Path) -> dict[str, str]:
-    """Counts, lengths, radii and bounds of a groom file.
+def of_groom(
+    path: Path, default_radius: float | None = None, radius_scale: float = 1.0
+) -> dict[str, str]:
+    """Counts, lengths, radii and bounds of a groom file, read with options of `load_curves`.
 
     Raises
     ------
     GroomError      if the file cannot be used
     """
-    return {"groom": str(path), **_of_curves(load_curves(path))}
+    return {"groom": str(path), **_of_curves(load_curves(path, default_radius, radius_scale))}
 
 
 def of_scene(scene: Scene) -> dict[str, str]:
-    """What a scene holds; needs no device.
+    """What a scene holds, and what will make its picture black or slow; needs no device.
 
     Raises
     ------
     GroomError, ImageError      if a file that the scene names cannot be used
     """
     film, render = scene.film, scene.render
-    fibre = scene.build_fibre()
+    fibre, curves = scene.build_fibre(), scene.build_curves()
     return {
         "scene": scene.name,
         "film": f"{film.width} x {film.height}, {film.filter} filter",
@@ -46,7 +49,8 @@ def of_scene(scene: Scene) -> dict[str, str]:
         "fibre's source": getattr(fibre, "provenance", "given by the user"),
         "environment": _environment(scene),
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
-        **_of_curves(scene.build_curves()),
+        **_of_curves(curves),
+        **{f"warning {n}": said for n, said in enumerate(warnings.of_scene(scene, curves), 1)},
     }
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from furcl.cli.options import DeviceName, Overrides
+from furcl.cli.options import DefaultRadius, DeviceName, Overrides, RadiusScale
 
 
 def info(
@@ -16,6 +16,8 @@ def info(
     ],
     device: DeviceName = None,
     overrides: Overrides = None,
+    default_radius: DefaultRadius = None,
+    radius_scale: RadiusScale = 1.0,
 ) -> None:
     """Facts about a scene or a groom: counts, bounds, lobe shares, features, memory.
 
@@ -27,8 +29,14 @@ def info(
 
     path = find_scene(file)
     if path.suffix.lower() != ".toml":
-        _print_facts(facts.of_groom(path))
+        if overrides:
+            raise typer.BadParameter(f"--set changes scenes, and {path} is read as a groom")
+        _print_facts(facts.of_groom(path, default_radius, radius_scale))
         return
+    if default_radius is not None or radius_scale != 1.0:
+        raise typer.BadParameter(
+            "of a scene give --set curves.default_radius=R and --set curves.radius_scale=S"
+        )
     scene = load_scene(path, overrides=overrides or ())
     _print_facts(facts.of_scene(scene))
     try:
@@ -46,11 +54,13 @@ def _print_facts(facts: dict[str, str]) -> None:
 def convert(
     source: Annotated[Path, typer.Argument(help="A groom to read.")],
     target: Annotated[Path, typer.Argument(help="A groom to write; the suffix says the format.")],
+    default_radius: DefaultRadius = None,
+    radius_scale: RadiusScale = 1.0,
 ) -> None:
     """Convert a groom to another format."""
     from furcl.groom.formats import load_curves, save_curves
 
-    curves = load_curves(source)
+    curves = load_curves(source, default_radius, radius_scale)
     save_curves(curves, target)
     typer.echo(f"{target}: {curves.n_strands} strands, {curves.n_points} points")
 

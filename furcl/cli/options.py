@@ -27,6 +27,10 @@ WaveSize = Annotated[
     int | None,
     typer.Option(min=1, help="Paths traced together; changes the speed, not the picture."),
 ]
+DefaultRadius = Annotated[
+    float | None, typer.Option(help="Radius where a groom has none [unit of the file].")
+]
+RadiusScale = Annotated[float, typer.Option(help="Factor on all radii of a groom.")]
 
 SIZE = typer.Option("--size", help="Film size, WIDTHxHEIGHT.")
 SPP = typer.Option("--spp", min=1, help="Samples per pixel; of a benchmark, in each round.")

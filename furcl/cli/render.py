@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import logging
-import signal
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
 
 from furcl.cli.console import progress_report
+from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
     SAMPLER_FILE,
     SEED,
@@ -26,31 +23,6 @@ from furcl.cli.options import (
 )
 
 log = logging.getLogger(__name__)
-
-EXIT_INTERRUPTED = 130
-
-
-class _Interrupt:
-    """Set by the first Ctrl-C; the second one ends the program at once."""
-
-    requested = False
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        self.requested = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        log.warning("stopping; what is rendered will be written (Ctrl-C again: quit now)")
-
-
-@contextmanager
-def interruptible() -> Iterator[_Interrupt]:
-    interrupt = _Interrupt()
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield interrupt
-    except KeyboardInterrupt:
-        raise typer.Exit(EXIT_INTERRUPTED) from None
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def render(
@@ -122,17 +94,23 @@ def render(
     if done < loaded.render.spp:
         log.warning("stopped early: %s of %s samples a pixel", done, loaded.render.spp)
     log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
+    empty = image.stats.get("pixels_without_samples", 0)
+    if empty:
+        log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
     if interrupt.requested:
-        raise typer.Exit(EXIT_INTERRUPTED)
+        raise interrupt.exit()
 
 
 def _check_outputs(output: Path, stats: Path | None) -> None:
     """Refuse before the render what could not be written after it; make missing folders."""
+    from furcl.errors import ImageError
+    from furcl.files import check_writable
+
     if output.suffix.lower() not in (".exr", ".png"):
         raise typer.BadParameter(f"{output}: the name must end with .exr or .png")
-    for path in (output, stats):
+    for path in (output, output.with_suffix(".png"), stats):
         if path:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            check_writable(path, ImageError)
 
 
 def _write_json(values: object, path: Path) -> None:
@@ -141,7 +119,7 @@ def _write_json(values: object, path: Path) -> None:
     from furcl.files import atomic_path
 
     with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n")
+        temporary.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
 
 
 def register(app: typer.Typer) -> None:

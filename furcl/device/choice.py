@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 import re
@@ -11,7 +12,10 @@ from dataclasses import dataclass
 import pyopencl as cl
 
 from furcl.device import verdict as _verdict
+from furcl.device.absence import POCL, pocl_cache_problem
+from furcl.device.forks import check_process, mark_used
 from furcl.errors import DeviceError, NoDeviceError
+from furcl.values import shown
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +84,9 @@ class Candidate:
     def verdict(self, *, fresh: bool = False) -> _verdict.Verdict:
         """Whether it passes the self-test; remembered unless `fresh`."""
         identity = f"{self.description}\n{self.runtime_version}\npyopencl {cl.VERSION_TEXT}"
-        return _verdict.of(self.address, identity, fresh=fresh)
+        found = _verdict.of(self.address, identity, fresh=fresh)
+        problem = None if found.passed or self.runtime != POCL else pocl_cache_problem()
+        return dataclasses.replace(found, reason=": ".join(problem)) if problem else found
 
     def rank(self) -> tuple[int, list[int], int]:
         """Sort key of RULE: smaller is better."""
@@ -94,8 +100,23 @@ def _kind(device: cl.Device) -> str:
     return "CPU" if device.type & cl.device_type.CPU else "other"
 
 
+def platform_names() -> list[str]:
+    """The names of the runtimes that the loader finds, with devices or without."""
+    try:
+        return [platform.name.strip() for platform in cl.get_platforms()]
+    except cl.Error:  # the loader's way of saying that there is none
+        return []
+
+
 def list_candidates() -> list[Candidate]:
-    """Every device of every platform, usable or not, in the order of the runtimes."""
+    """Every device of every platform, usable or not, in the order of the runtimes.
+
+    Raises
+    ------
+    DeviceError     in a process that was forked after OpenCL was used
+    """
+    check_process()
+    mark_used()
     try:
         platforms = cl.get_platforms()
     except cl.Error:  # the loader's way of saying that there is none
@@ -131,6 +152,8 @@ def open_candidate(candidate: Candidate) -> Device:
 
 def open_cl_device(device: cl.Device) -> Device:
     """Make the context and the queue of one pyopencl device."""
+    check_process()
+    mark_used()
     context = cl.Context([device])
     queue = cl.CommandQueue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
     return Device(
@@ -175,6 +198,9 @@ def choose(candidates: Sequence[Candidate], spec: str, asked_by: str) -> Candida
     DeviceError     if `spec` names none, or only such as fail the self-test
     """
     if not candidates:
+        problem = pocl_cache_problem() if POCL in platform_names() else None
+        if problem:
+            raise NoDeviceError(f"no OpenCL device: {': '.join(problem)}")
         raise NoDeviceError(
             "no OpenCL device: no runtime is installed, or the loader looks elsewhere. "
             "`furcl doctor` says why; `python -m furcl.install.provision` installs a CPU runtime"
@@ -210,8 +236,13 @@ def open_device(spec: str | None = None) -> Device:
 
     Raises
     ------
-    NoDeviceError, DeviceError      as `choose`
+    NoDeviceError, DeviceError      as `choose`; DeviceError also for what is no text
     """
+    if spec is not None and not isinstance(spec, str):
+        raise DeviceError(
+            f"device = {shown(spec)}: expected text: a number of `furcl devices`, P:D, or a part "
+            f"of a name"
+        )
     from_environment = os.environ.get("FURCL_DEVICE", "")
     wanted, asked_by = (spec, "--device") if spec else (from_environment, "FURCL_DEVICE")
     candidates = list_candidates()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from furcl.device.choice import Device
+from furcl.device.forks import check_process
 
 #: Work-items in a group, unless a kernel asks for another number. One for every launch: CPU
 #: runtimes compile a kernel anew for each size.
@@ -25,7 +26,12 @@ def grid(n: int, per_item: int = 1, local: int = LOCAL_SIZE) -> Size:
     """Global and local size of a launch over `n` things, of which a work-item takes `per_item`.
 
     Groups are whole, and there is at least one: kernels leave out what is beyond `n`.
+
+    Raises
+    ------
+    DeviceError     in a process that was forked after OpenCL was used
     """
+    check_process()
     groups = -(-n // (per_item * local))
     return (max(groups, 1) * local,), (local,)
 

@@ -10,6 +10,7 @@ import pyopencl as cl
 from numpy.typing import DTypeLike
 
 from furcl.device.choice import Device
+from furcl.device.forks import check_process
 from furcl.errors import ResourceError
 
 
@@ -105,6 +106,7 @@ class Memory:
         self, buffer: cl.Buffer, shape: tuple[int, ...] | int, dtype: DTypeLike = np.float32
     ) -> np.ndarray:
         """Copy the head of a buffer back; waits for the queue."""
+        check_process()
         out = np.empty(shape, dtype)
         cl.enqueue_copy(self.device.queue, out, buffer)
         return out

@@ -73,7 +73,9 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
     digest = hashlib.sha256(text.encode()).hexdigest()[:12]
     if dump:
         Path(dump).mkdir(parents=True, exist_ok=True)
-        (Path(dump) / f"{re.sub(r'[/, ]+', '.', name)}.{digest}.cl").write_text(text)
+        (Path(dump) / f"{re.sub(r'[/, ]+', '.', name)}.{digest}.cl").write_text(
+            text, encoding="utf-8"
+        )
     start = time.perf_counter()
     path = kernel_cache.binary_path(device, text, OPTIONS)
     try:

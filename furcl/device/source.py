@@ -40,10 +40,11 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
             return []
         seen.add(path.resolve())
         try:
-            text = path.read_text()
-        except OSError as error:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise KernelBuildError(
-                f"{asked_by}: {path} cannot be read: {error.strerror}; is it still there?"
+                f"{asked_by}: {path} cannot be read: {reason}; is it still there?"
             ) from None
         label = _label(path, bases)
         lines = [f'#line 1 "{label}"']

@@ -1,7 +1,8 @@
-"""Does a device pass the self-test? Asked in a process of its own, remembered in the cache folder.
+"""Does a device pass the self-test? Asked in a process of its own; a success is remembered.
 
 Some OpenCL runtimes end the whole process when their compiler meets a CPU that it does not know,
-so the first test of a device never runs in the process that wants to render.
+so the first test of a device never runs in the process that wants to render. A failure is not
+remembered: what caused it may be over.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 from dataclasses import asdict, dataclass
@@ -32,7 +34,10 @@ _EXPLANATIONS = (
         "changes the ABI",  # of a vector: the CPU's name did not tell the compiler what it can
         "its compiler (LLVM) does not know this CPU's vectors; a newer OpenCL runtime is needed",
     ),
-    ('Executable "ld" doesn\'t exist', "it needs the linker ld: install the package binutils"),
+    (
+        'Executable "ld" doesn\'t exist',
+        "it needs the linker ld, which no folder of PATH holds: the package binutils has it",
+    ),
     ("OUT_OF_HOST_MEMORY", "it ran out of memory"),
     ("COMPILER_NOT_AVAILABLE", "it comes without a compiler"),
     ("INVALID_DEVICE", "it no longer exists"),
@@ -48,13 +53,11 @@ class Verdict:
     passed : bool
     reason : str        one line on why it failed
     log : str           the end of what it printed
-    lasting : bool      it will come out the same until device, driver or self-test change
     """
 
     passed: bool
     reason: str = ""
     log: str = ""
-    lasting: bool = True
 
 
 def explain(output: str, code: int) -> str:
@@ -66,13 +69,15 @@ def explain(output: str, code: int) -> str:
     last = lines[-1].rstrip(".") if lines else "it printed nothing"
     if code < 0:
         return f"it ends the process with {signal.Signals(-code).name}: {last}"
+    if any(line.startswith("Traceback (most recent call last)") for line in lines):
+        return last
     errors = [line for line in lines if "error:" in line]
     return (errors or lines or [last])[0]
 
 
 def _text_hash() -> str:
     """Of all that the self-test does: its kernels and what compares their results."""
-    script = Path(__file__).with_name("selftest.py").read_text()
+    script = Path(__file__).with_name("selftest.py").read_text(encoding="utf-8")
     text = kernel_text("tools/selftest.cl", Features())
     return hashlib.sha256((text + script).encode()).hexdigest()
 
@@ -80,23 +85,36 @@ def _text_hash() -> str:
 def _run(address: str) -> Verdict:
     command = python_command("-m", "furcl.device.selftest", address)
     folders = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, folders))}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(filter(None, folders)),
+        "POCL_KERNEL_CACHE": "0",  # what PoCL built before says nothing about building now
+    }
     try:
         done = subprocess.run(
             command,
             env=environment,
             capture_output=True,
             text=True,
+            encoding="utf-8",
             errors="replace",
             timeout=TIMEOUT_S,
         )
     except subprocess.TimeoutExpired:
-        return Verdict(False, f"its self-test did not end in {TIMEOUT_S:.0f} s", lasting=False)
+        return Verdict(False, f"its self-test did not end in {TIMEOUT_S:.0f} s")
+    except OSError as error:
+        return Verdict(False, f"its self-test cannot start: {error.strerror}")
     output = done.stdout + done.stderr
     if done.returncode == 0:
         return Verdict(True)
-    lasting = done.returncode == EXIT_FAILED or done.returncode < 0
-    return Verdict(False, explain(output, done.returncode), output[-8000:], lasting)
+    return Verdict(False, explain(output, done.returncode), output[-8000:])
+
+
+def _surroundings() -> str:
+    """What of the environment may decide whether a runtime works: folders, settings, a linker."""
+    names = ("HOME", "XDG_CACHE_HOME", "TMPDIR", "LD_LIBRARY_PATH")
+    told = [n for n in sorted(os.environ) if n in names or n.startswith(("POCL_", "CL_", "OCL_"))]
+    return repr([(name, os.environ[name]) for name in told] + [("ld", shutil.which("ld"))])
 
 
 def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
@@ -108,18 +126,21 @@ def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
     identity : str      everything that tells this device and driver from others
     fresh : bool        test again, whatever the cache says
 
-    The cached verdict holds until the device, its driver or the text of the self-test changes.
-    A test that timed out or could not start is not remembered.
+    That a device passed is remembered until the device, its driver, the text of the self-test or
+    what the runtime needs of the environment changes.
     """
-    key = hashlib.sha256(f"{identity}\n{_text_hash()}".encode()).hexdigest()[:24]
+    told = f"{identity}\n{_text_hash()}\n{_surroundings()}"
+    key = hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()[:24]
     path = cache_folder() / "selftest" / f"{key}.json"
     if not fresh:
         try:
-            return Verdict(**json.loads(path.read_text()))
-        except (OSError, ValueError, TypeError):
+            remembered = Verdict(**json.loads(path.read_text(encoding="utf-8")))
+            if remembered.passed is True:
+                return remembered
+        except (OSError, ValueError, TypeError, RecursionError):
             pass  # none yet, or unreadable: test again
     verdict = _run(address)
-    if verdict.lasting:
+    if verdict.passed:
         text = json.dumps(asdict(verdict))
-        write_cache(path, lambda file: file.write_text(text))
+        write_cache(path, lambda file: file.write_text(text, encoding="utf-8"))
     return verdict

@@ -8,7 +8,6 @@ lobes that have profiles. docs/own_sampler.md has an example.
 from __future__ import annotations
 
 import os
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -67,7 +66,7 @@ class Sampler:
         """
         path = kernel_folder() / "include" / self.header
         try:
-            return path.read_text()
+            return path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise SamplerError(
@@ -133,17 +132,11 @@ def register(
             f"sampler {name!r}: scattered_angles = {scattered_angles!r}; allowed are 'uniform' "
             f"and 'profile'"
         )
-    text = Sampler(name, Path(clh).absolute(), False, scattered_angles).text()
-    words = set(re.findall(r"\w+", text))
-    missing = [function for function in FUNCTIONS if function not in words]
-    if missing:
-        raise SamplerError(
-            f"sampler {name!r}: {clh} does not define {' and '.join(missing)}; see "
-            f"docs/own_sampler.md"
-        )
+    header = Path(clh).absolute()
+    words = _samplers.check_header(name, header, FUNCTIONS, "docs/own_sampler.md")
     if needs_tables is None:
         needs_tables = not words.isdisjoint(TABLE_FUNCTIONS)
-    sampler = Sampler(name, Path(clh).absolute(), needs_tables, scattered_angles)
+    sampler = Sampler(name, header, needs_tables, scattered_angles)
     _samplers.add(name, sampler)
     return sampler
 

@@ -15,7 +15,14 @@ MAX_POINTS = 2**31 - 1
 # Squares of coordinates and radii within these limits stay normal float32 numbers.
 MAX_MAGNITUDE = 1e18
 MIN_MAGNITUDE = 1e-18
+THIN_RADII = "radii_below_1e-18"  # what `dropped` calls those that were raised to it
 POINTS_AT_ONCE = 1 << 18  # more would be copied in float64 at a time
+
+# What mends a groom without radii.
+ADVICE = (
+    "Give the radius of the strands in the units of the file: default_radius = R in [curves] of a "
+    "scene, --default-radius R to furcl info and convert."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,12 +142,13 @@ class Curves:
         """Check arrays, drop what is harmless and make a groom of the rest.
 
         A point that repeats the point before it and its radius (a segment shorter than 1e-18) is
-        dropped, and so is a strand whose points are all one; both are counted in `dropped`.
+        dropped, and so is a strand whose points are all one; both are counted in `dropped`. Radii
+        below 1e-18, such as 0 at a tip, become 1e-18, which no ray meets, and are counted too.
 
         Parameters
         ----------
         points : (N, 3)              finite, magnitude at most 1e18; or (S, K, 3): S strands of K
-        radii : (N,) or scalar       1e-18 .. 1e18; for strands of K points (S, K) or scalar
+        radii : (N,) or scalar       0 .. 1e18, not all 0; for strands of K points (S, K) or scalar
         offsets : (S + 1,) integers  0 = offsets[0] <= ... <= offsets[S] = N; left out for strands
                                      of K points
         source : str                 the name used in messages, a path for files
@@ -154,12 +162,14 @@ class Curves:
         points, radii, offsets, colours = _shaped(points, radii, offsets, colours, source)
         _check_offsets(offsets, len(points), source)
         _check_points(points, offsets, source)
-        _check_radii(radii, offsets, source)
+        radii, n_thin = _checked_radii(radii, offsets, source)
         if colours is not None and not np.isfinite(colours).all():
             where = _place(source, offsets, int(np.argmin(np.isfinite(colours).all(axis=1))))
             raise GroomError(f"{where}: the colour is not finite; repair or leave out the colours.")
         points, radii, offsets, colours, cleaned = _clean(points, radii, offsets, colours, source)
-        return _frozen(points, radii, offsets, colours, {**(dropped or {}), **cleaned})
+        found = {**(dropped or {}), **cleaned}
+        found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
+        return _frozen(points, radii, offsets, colours, found)
 
 
 def _frozen(points, radii, offsets, colours, dropped) -> Curves:
@@ -285,15 +295,24 @@ def _check_points(points, offsets, source):
     )
 
 
-def _check_radii(radii, offsets, source):
+def _checked_radii(radii, offsets, source):
+    """Radii of at least MIN_MAGNITUDE, and how many were raised to it."""
     if radii.min() >= MIN_MAGNITUDE and radii.max() <= MAX_MAGNITUDE:
-        return
-    bad = np.flatnonzero(~((radii >= MIN_MAGNITUDE) & (radii <= MAX_MAGNITUDE)))
-    raise GroomError(
-        f"{_place(source, offsets, int(bad[0]))}: radius {float(radii[bad[0]]):g}; radii must be "
-        f"positive and finite ({MIN_MAGNITUDE:g} .. {MAX_MAGNITUDE:g}). {len(bad)} such points: "
-        "repair the widths of the export (a tip may be thin, but not zero)."
-    )
+        return radii, 0
+    bad = np.flatnonzero(~((radii >= 0.0) & (radii <= MAX_MAGNITUDE)))
+    if len(bad):
+        raise GroomError(
+            f"{_place(source, offsets, int(bad[0]))}: radius {float(radii[bad[0]]):g}; radii must "
+            f"be finite, from 0 to {MAX_MAGNITUDE:g}. {len(bad)} such points: repair the widths of "
+            "the export."
+        )
+    thin = radii < MIN_MAGNITUDE
+    if thin.all():
+        raise GroomError(
+            f"{_place(source, offsets, 0)}: radius {float(radii[0]):g}; no radius is above "
+            f"{MIN_MAGNITUDE:g}, so there is nothing to see. {len(radii)} such points. {ADVICE}"
+        )
+    return np.where(thin, np.float32(MIN_MAGNITUDE), radii), int(np.count_nonzero(thin))
 
 
 def _clean(points, radii, offsets, colours, source):

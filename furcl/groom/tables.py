@@ -37,8 +37,8 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
     ----------
     file : str                  the file
     radius_scale : float        factor on all radii
-    default_radius : float      radius where the file has none; without it such a file is refused
-                                [unit]
+    default_radius : float      radius where the file has none, or only 0; without it such a file is
+                                refused [unit]
     up_axis : str               axis of the file that is up; "y" turns a groom to stand along +z,
                                 facing -y if it faced +z
     """

@@ -1,10 +1,22 @@
-"""Luminance and the sRGB curve.
+"""Luminance, the sRGB curve, and colours of other primaries.
 
 Colours are linear with Rec.709 primaries unless a name says sRGB.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+# x and y of red, green, blue and white, as the attribute `chromaticities` of OpenEXR has them.
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+# Headers round: to three digits, or to float32.
+CHROMATICITY_TOLERANCE = 1e-3
+LARGEST_MIX = 1e3
+
+_BRADFORD = np.array(
+    [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]]
+)
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 
@@ -31,3 +43,49 @@ def srgb_decode(encoded: ArrayLike) -> NDArray[np.floating]:
     size = np.abs(x)
     curve = ((np.maximum(size, 0.04045) + 0.055) / 1.055) ** 2.4
     return np.copysign(np.where(size <= 0.04045, size / 12.92, curve), x)
+
+
+def to_rec709(chromaticities: Sequence[float]) -> NDArray[np.float64] | None:
+    """The matrix (3, 3) that turns linear colours of other primaries into Rec.709.
+
+    White stays white: another white point is adapted to D65 (Bradford; Lindbloom's form, as in
+    ICC profiles). Colours outside Rec.709 become negative in a channel.
+
+    Parameters
+    ----------
+    chromaticities : 8 numbers      x and y of red, green, blue and white
+
+    Returns
+    -------
+    matrix, or None where the primaries are those of Rec.709 within CHROMATICITY_TOLERANCE
+
+    Raises
+    ------
+    ValueError      not 8 finite numbers, or such as no mixture of three lights has
+    """
+    xy = np.asarray(chromaticities, np.float64).ravel()
+    if xy.shape != (8,) or not np.isfinite(xy).all():
+        raise ValueError("x and y of red, green, blue and white are 8 finite numbers")
+    if np.abs(xy - REC709).max() <= CHROMATICITY_TOLERANCE:
+        return None
+    theirs, ours = _to_xyz(xy), _to_xyz(np.array(REC709))
+    cones = _BRADFORD @ theirs.sum(axis=1), _BRADFORD @ ours.sum(axis=1)
+    adapt = np.linalg.solve(_BRADFORD, (cones[1] / cones[0])[:, None] * _BRADFORD)
+    matrix = np.linalg.solve(ours, adapt @ theirs)
+    if not np.isfinite(matrix).all() or np.abs(matrix).max() > LARGEST_MIX:
+        raise ValueError("no three lights mix to that white")
+    return matrix
+
+
+def _to_xyz(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The XYZ of red, green and blue as columns; their sum is white with Y = 1."""
+    x, y = xy.reshape(4, 2).T
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        corners = np.stack([x / y, np.ones(4), (1.0 - x - y) / y])
+    if not np.isfinite(corners).all():
+        raise ValueError("a y is 0")
+    try:
+        amounts = np.linalg.solve(corners[:, :3], corners[:, 3])
+    except np.linalg.LinAlgError:
+        raise ValueError("the primaries lie on one line") from None
+    return corners[:, :3] * amounts

@@ -93,7 +93,8 @@ class ZScores:
 
     Attributes
     ----------
-    n : int                 channel values with a variance; the others are left out
+    n : int                 channel values with a variance above 0 and finite; the others are left
+                            out
     mean : float            of z; its standard error is about 1 / sqrt(n) for renders of one truth
     rms : float             of z, about 1
     share_above_3 : float   part with |z| > 3, about 0.003
@@ -121,7 +122,7 @@ def z_scores(test: Image, reference: Image) -> ZScores:
         np.asarray(i.variance, np.float64) for i in (test, reference) if i.variance is not None
     ]
     variance = np.sum(parts, axis=0)
-    known = variance > 0.0
+    known = (variance > 0.0) & np.isfinite(variance)
     z = (a - b)[known] / np.sqrt(variance[known])
     if not z.size:
         return ZScores(0, 0.0, 0.0, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,17 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import ImageError
-from furcl.image.exr_chunks import MAGIC, missing_part
+from furcl.files import named
+from furcl.image.colour import REC709, to_rec709
+from furcl.image.exr_chunks import missing_part
+from furcl.image.exr_header import MAGIC, Part, check_claims
+from furcl.values import shown
 
-# Rec.709 primaries and white point D65 as the attribute `chromaticities` wants them.
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+# Channels of pictures whose Y is not grey: luminance with chroma, and XYZ.
+_WITH_Y = ({"RY", "BY"}, {"X", "Z"})
 
 
 def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
     """Channels and header of the first part of an OpenEXR file.
 
-    Where compressed pixels are damaged, the OpenEXR library writes a line to standard error. It is
-    left there: keeping it away would redirect the standard error of all threads.
+    Channels cover the display window; outside the data window they are 0. What a header claims is
+    compared with the file and the memory before anything is decoded, which takes at most four times
+    the decoded size. Where compressed pixels are damaged, the OpenEXR library writes a line to
+    standard error. It is left there: keeping it away would redirect the standard error of all
+    threads.
 
     Returns
     -------
@@ -29,22 +37,15 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
 
     Raises
     ------
-    ImageError          if the file is missing, no OpenEXR file or damaged, or has deep or
-                        subsampled channels
+    ImageError          if the file is missing, no OpenEXR file or damaged, claims more than it can
+                        hold or fits the memory, or has deep or subsampled channels
     """
     import OpenEXR
 
-    path = Path(path)
+    path = named(path, ImageError)
     if not path.is_file():
         raise ImageError(f"{path}: there is no such file; check the path")
-    try:
-        with path.open("rb") as file:
-            begins = file.read(len(MAGIC))
-        missing = missing_part(path) if begins == MAGIC else None
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
-    if begins != MAGIC:
-        raise ImageError(f"{path}: does not start as an OpenEXR file does; give an .exr file")
+    part, missing = _checked(path)
     if missing:
         raise ImageError(f"{path}: damaged OpenEXR file: {missing}; copy or render it again")
     try:
@@ -58,18 +59,80 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
         raise ImageError(f"{path}: damaged or unsupported OpenEXR file: {error}") from None
     if not channels or len({pixels.shape for pixels in channels.values()}) != 1:
         raise ImageError(f"{path}: has no channels of one common size; save a flat RGB image")
-    return channels, header
+    return {name: _placed(pixels, part, path) for name, pixels in channels.items()}, header
 
 
-def rgb_of(channels: Mapping[str, NDArray[np.float32]], path: str | Path) -> NDArray[np.float32]:
-    """The (H, W, 3) picture among channels: R, G, B, or Y alone as grey."""
+def _checked(path: Path) -> tuple[Part, str | None]:
+    """The first part's header, checked, and what the file lacks."""
+    try:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise ImageError(
+                    f"{path}: does not start as an OpenEXR file does; give an .exr file"
+                )
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                part = check_claims(path, data)
+                return part, missing_part(data, part)
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
+
+
+def _placed(pixels: NDArray[np.float32], part: Part, path: Path) -> NDArray[np.float32]:
+    """Pixels of the data window as pixels of the display window."""
+    data, display = part.data_window, part.display_window
+    if pixels.shape != (data.height, data.width):
+        raise ImageError(f"{path}: its channels are subsampled; save a flat RGB image")
+    if data == display:
+        return pixels
+    out = np.zeros((display.height, display.width), np.float32)
+    left, right = max(data.left, display.left), min(data.right, display.right) + 1
+    top, bottom = max(data.top, display.top), min(data.bottom, display.bottom) + 1
+    if left < right and top < bottom:
+        to, of = (
+            (slice(top - box.top, bottom - box.top), slice(left - box.left, right - box.left))
+            for box in (display, data)
+        )
+        out[to] = pixels[of]
+    return out
+
+
+def rgb_of(
+    channels: Mapping[str, NDArray[np.float32]], header: Mapping[str, Any], path: str | Path
+) -> NDArray[np.float32]:
+    """The (H, W, 3) picture among channels in Rec.709: R, G, B, or Y alone as grey.
+
+    Raises
+    ------
+    ImageError      other channels, or chromaticities that no colours have
+    """
     if all(name in channels for name in "RGB"):
-        return np.stack([channels[name] for name in "RGB"], axis=2)
-    if "Y" in channels:
+        rgb = np.stack([channels[name] for name in "RGB"], axis=2)
+        matrix = to_rec709_of(header, path)
+        if matrix is None:
+            return rgb
+        with np.errstate(invalid="ignore", over="ignore"):  # pixels that are not finite
+            return np.asarray(rgb @ matrix.T, np.float32)
+    if "Y" in channels and not any(names <= set(channels) for names in _WITH_Y):
         return np.repeat(channels["Y"][:, :, None], 3, axis=2)
     raise ImageError(
         f"{path}: has the channels {', '.join(sorted(channels))}; R, G and B (or Y) are needed"
     )
+
+
+def to_rec709_of(header: Mapping[str, Any], path: str | Path) -> NDArray[np.float64] | None:
+    """What turns a file's R, G, B into Rec.709 by its `chromaticities`; None if nothing does.
+
+    Raises
+    ------
+    ImageError      as `rgb_of`
+    """
+    try:
+        return to_rec709(header.get("chromaticities", REC709))
+    except ValueError as error:
+        raise ImageError(
+            f"{path}: chromaticities = {shown(header['chromaticities'])}: {error}; correct the "
+            f"header, or save the picture in Rec.709"
+        ) from None
 
 
 def write_exr(

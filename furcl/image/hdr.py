@@ -1,4 +1,4 @@
-"""Reader of Radiance pictures (.hdr, .pic): flat, old and new run-length encoding."""
+"""Reader of Radiance pictures (.hdr, .pic, .rgbe, .rad): flat, old and new run-length encoding."""
 
 from __future__ import annotations
 
@@ -9,40 +9,59 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import ImageError
+from furcl.files import named
+from furcl.image.colour import to_rec709
+from furcl.image.size import check_size
+from furcl.memory import require_memory
 
-MAX_SIDE = 32768
-MAX_PIXELS = 1 << 28
-_RESOLUTION = re.compile(rb"^([+-])([XY]) +(\d+) +([+-])([XY]) +(\d+)$")
+MAGIC = b"#?"
+ROWS_AT_ONCE = 64
+_RESOLUTION = re.compile(rb"^([+-])([XY]) +(\d{1,9}) +([+-])([XY]) +(\d{1,9})\r?$")
+_HEADER_END = re.compile(rb"\n\r?\n")
+
+
+def is_hdr(path: str | Path) -> bool:
+    """Whether a file begins as Radiance pictures do."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except (OSError, ValueError):
+        return False
 
 
 def read_hdr(path: str | Path) -> NDArray[np.float32]:
     """The picture as (H, W, 3) float32, row 0 on top, linear RGB.
 
     Mantissas count from the middle of their step, (m + 1/2) 2^(e - 136), as in Radiance itself;
-    EXPOSURE and COLORCORR of the header are divided out.
+    EXPOSURE and COLORCORR of the header are divided out, and PRIMARIES other than those of Rec.709
+    are converted. Lines of the header may end in CR LF.
 
     Raises
     ------
-    ImageError      if the file is missing, of another kind, in XYZ, or damaged; names the byte or
-                    scanline
+    ImageError      if the file is missing, of another kind, in XYZ, damaged or too large; names
+                    the byte or scanline
 
     Source: the format description in Ward, "Real pixels", Graphics Gems II, and the Radiance file
     formats document.
     """
-    path = Path(path)
+    path = named(path, ImageError)
     if not path.is_file():
         raise ImageError(f"{path}: there is no such file; check the path")
-    data = path.read_bytes()
-    if not data.startswith(b"#?"):
+    try:
+        require_memory(path, n_bytes=2 * path.stat().st_size, error=ImageError)
+        data = path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
+    if not data.startswith(MAGIC):
         raise ImageError(
             f"{path}: does not start with #? as Radiance pictures do; give an .hdr file"
         )
-    end = data.find(b"\n\n")
-    if end < 0:
+    end = _HEADER_END.search(data)
+    if end is None:
         raise ImageError(f"{path}: the header has no end (an empty line); the file is damaged")
-    exposure = _header(data[:end], path)
-    stop = data.find(b"\n", end + 2)
-    line = data[end + 2 : stop] if stop >= 0 else b""
+    exposure, matrix = _header(data[: end.start()], path)
+    stop = data.find(b"\n", end.end())
+    line = data[end.end() : stop] if stop >= 0 else b""
     match = _RESOLUTION.match(line)
     if not match or match[2] == match[5]:
         raise ImageError(
@@ -50,27 +69,43 @@ def read_hdr(path: str | Path) -> NDArray[np.float32]:
             f"-Y 512 +X 1024"
         )
     n_lines, n_pixels = int(match[3]), int(match[6])
-    sides = min(n_lines, n_pixels), max(n_lines, n_pixels)
-    if sides[0] < 1 or sides[1] > MAX_SIDE or n_lines * n_pixels > MAX_PIXELS:
-        raise ImageError(
-            f"{path}: claims {n_lines} x {n_pixels} pixels; 1 to {MAX_SIDE} a side are read and "
-            f"{MAX_PIXELS} in all"
-        )
+    check_size(f"{path}:", n_lines, n_pixels)
+    require_memory(path, n_bytes=32 * n_lines * n_pixels, error=ImageError)
     quads = _scanlines(np.frombuffer(data, np.uint8, offset=stop + 1), n_lines, n_pixels, path)
     if match[2] == b"X":
         quads = quads.transpose(1, 0, 2)
     y_sign, x_sign = (match[1], match[4]) if match[2] == b"Y" else (match[4], match[1])
     quads = quads[:: -1 if y_sign == b"+" else 1, :: -1 if x_sign == b"-" else 1]
+    out = np.empty((*quads.shape[:2], 3), np.float32)
+    for row in range(0, len(quads), ROWS_AT_ONCE):
+        part = slice(row, row + ROWS_AT_ONCE)
+        out[part] = _radiance(quads[part], exposure, matrix)
+    return out
+
+
+def _radiance(
+    quads: NDArray[np.uint8], exposure: NDArray[np.float64], matrix: NDArray[np.float64] | None
+) -> NDArray[np.float32]:
+    """Mantissas and exponents (.., 4) as radiance (.., 3)."""
     exponent = quads[..., 3:].astype(np.int32)
-    rgb = np.ldexp(quads[..., :3] + 0.5, exponent - 136)
-    return np.where(exponent > 0, rgb / exposure, 0.0).astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is refused later
+        rgb = np.ldexp(quads[..., :3] + 0.5, exponent - 136) / exposure
+        rgb = np.where(exponent > 0, rgb, 0.0)
+        return (rgb if matrix is None else rgb @ matrix.T).astype(np.float32)
 
 
-def _header(text: bytes, path: Path) -> NDArray[np.float64]:
-    """The product of exposures (3,), after a check of the format."""
-    exposure = np.ones(3)
-    for line in text.split(b"\n")[1:]:
+def _header(text: bytes, path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """The product of exposures (3,), and what turns its colours into Rec.709; checks the format."""
+    exposure, matrix = np.ones(3), None
+    for line in text.splitlines()[1:]:
         key, _, value = line.partition(b"=")
+        if key == b"PRIMARIES":
+            try:
+                matrix = to_rec709([float(word) for word in value.split()])
+            except ValueError as error:
+                raise ImageError(
+                    f"{path}: header line {line[:80]!r}: {error}; correct it"
+                ) from None
         if key == b"FORMAT" and value.strip() != b"32-bit_rle_rgbe":
             raise ImageError(
                 f"{path}: FORMAT={value.decode('ascii', 'replace').strip()}; only "
@@ -82,12 +117,16 @@ def _header(text: bytes, path: Path) -> NDArray[np.float64]:
                 numbers = np.array([float(word) for word in value.split()])
             except ValueError:
                 numbers = np.zeros(0)
-            if len(numbers) != (1 if key == b"EXPOSURE" else 3) or not np.all(numbers > 0.0):
+            wanted = 1 if key == b"EXPOSURE" else 3
+            if len(numbers) != wanted or not np.all((numbers > 0.0) & np.isfinite(numbers)):
                 raise ImageError(
                     f"{path}: header line {line[:60]!r} is not positive numbers; correct it"
                 )
-            exposure = exposure * numbers
-    return exposure
+            with np.errstate(over="ignore", under="ignore"):
+                exposure = exposure * numbers
+    if not np.all((exposure > 0.0) & np.isfinite(exposure)):
+        raise ImageError(f"{path}: its exposures multiply to {exposure.tolist()}; correct them")
+    return exposure, matrix
 
 
 def _scanlines(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furcl.errors import ImageError
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
-from furcl.image.exr import read_exr, rgb_of, write_exr
+from furcl.image.exr import read_exr, rgb_of, to_rec709_of, write_exr
 
 SUFFIXES = (".exr", ".png")
 # Statistics that get a header attribute of their own; all of them are in the attribute
@@ -39,12 +39,15 @@ class Image:
                                     unknown; with the sequence "sobol" an upper bound of it
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
+    samples : (H, W) uint32         of every pixel, where some have none; else None. EXR files then
+                                    have the channels `samples` and A, 1 where there are any
     """
 
     rgb: NDArray[np.float32]
     variance: NDArray[np.float32] | None = None
     stats: dict[str, Any] = field(default_factory=dict)
     exposure_stops: float = 0.0
+    samples: NDArray[np.uint32] | None = None
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
@@ -53,6 +56,11 @@ class Image:
             raise ImageError(
                 f"variance has the shape {self.variance.shape}; expected that of rgb, "
                 f"{self.rgb.shape}"
+            )
+        if self.samples is not None and self.samples.shape != self.rgb.shape[:2]:
+            raise ImageError(
+                f"samples has the shape {self.samples.shape}; expected that of the pixels, "
+                f"{self.rgb.shape[:2]}"
             )
 
     def __repr__(self) -> str:
@@ -83,12 +91,19 @@ class Image:
 
         Raises
         ------
-        ImageError      no such file, no OpenEXR file, damaged, or without the channels
+        ImageError      no such file, no OpenEXR file, damaged, or without the channels; and where
+                        `chromaticities` that are not Rec.709 stand beside a variance (others are
+                        converted)
         """
         channels, header = read_exr(path)
         names = [f"variance.{name}" for name in "RGB"]
         variance = None
         if all(name in channels for name in names):
+            if to_rec709_of(header, path) is not None:
+                raise ImageError(
+                    f"{path}: carries a variance, and its chromaticities are not those of Rec.709; "
+                    f"leave out the channels {', '.join(names)}, which cannot be converted"
+                )
             variance = np.stack([channels[name] for name in names], axis=2)
         try:
             stats = json.loads(header.get(STATS_ATTRIBUTE, "{}"))
@@ -97,7 +112,10 @@ class Image:
                 f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
                 f"save the picture again"
             ) from None
-        return cls(rgb_of(channels, path), variance, stats)
+        samples = channels.get("samples")
+        if samples is not None:
+            samples = samples.astype(np.uint32)
+        return cls(rgb_of(channels, header, path), variance, stats, samples=samples)
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
@@ -143,6 +161,9 @@ class Image:
         channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
         if self.variance is not None:
             channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
+        if self.samples is not None:
+            channels["A"] = np.asarray(self.samples > 0, np.float32)
+            channels["samples"] = np.asarray(self.samples, np.float32)
         return channels
 
 

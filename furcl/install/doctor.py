@@ -103,7 +103,7 @@ def _check_environment() -> Iterator[Finding]:
 def _check_runtimes() -> Iterator[Finding]:
     for folder in vendor_folders():
         for icd in sorted(folder.glob("*.icd")) if folder.is_dir() else ():
-            library = icd.read_text(errors="replace").strip()
+            library = icd.read_text(encoding="utf-8", errors="replace").strip()
             if library.startswith("/") and not Path(library).exists():
                 found = f"names {library}, which does not exist"
                 remedy = PROVISION if folder != SYSTEM_VENDORS else "reinstall that runtime"
@@ -124,7 +124,9 @@ def _check_runtimes() -> Iterator[Finding]:
 def _check_devices() -> Iterator[Finding]:
     # A runtime that ends the process when asked for its devices must not end the doctor.
     count = "import pyopencl as cl; print([len(p.get_devices()) for p in cl.get_platforms()])"
-    done = subprocess.run(python_command("-c", count), capture_output=True, text=True)
+    done = subprocess.run(
+        python_command("-c", count), capture_output=True, text=True, errors="replace"
+    )
     if done.returncode < 0:
         found = f"asking for the devices ends the process with signal {-done.returncode}"
         yield Finding("error", "OpenCL", found, "remove the runtime listed last above")
@@ -135,9 +137,15 @@ def _check_devices() -> Iterator[Finding]:
         )
         return
 
-    from furcl.device.choice import list_candidates
+    from furcl.device.absence import POCL, pocl_cache_problem
+    from furcl.device.choice import list_candidates, platform_names
 
     candidates = list_candidates()
+    problem = pocl_cache_problem() if POCL in platform_names() else None
+    if problem:
+        yield Finding("error", "PoCL's cache folder", *problem)
+        if not candidates:
+            return
     if not candidates:
         found = "there is a platform, but it has no device (a GPU's may not be readable for you)"
         yield Finding("error", "OpenCL", found, f"{CPU_RUNTIME}; for a GPU join the group render")

@@ -70,7 +70,7 @@ def _install_lock(name: str) -> None:
 
 
 def _remove_lock(name: str) -> None:
-    lines = (LOCKS / f"{name}.lock").read_text().splitlines()
+    lines = (LOCKS / f"{name}.lock").read_text(encoding="utf-8").splitlines()
     packages = [line.split("==")[0] for line in lines if "==" in line]
     _pip("uninstall", "--quiet", "--yes", *packages)
 
@@ -111,7 +111,7 @@ def _install_intel() -> None:
     library = intel_library()
     if library is None:
         raise StepImpossibleError("the wheel intel-opencl-rt holds no libintelocl.so")
-    registration.write_text(f"{library}\n")
+    registration.write_text(f"{library}\n", encoding="utf-8")
 
 
 def _remove_intel() -> None:

@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 
 class ImageEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="image"):
-    """Image of the surroundings in latitude and longitude, .exr or .hdr.
+    """Image of the surroundings in latitude and longitude, OpenEXR or Radiance (.hdr). Primaries
+    other than Rec.709 that its header names are converted.
 
     Attributes
     ----------

@@ -77,19 +77,8 @@ def register(light: type[Light]) -> type[Light]:
             f'as class {light.table.__name__}(Table, frozen=True, kw_only=True, tag_field="kind", '
             f'tag="{kind}")'
         )
-    try:
-        text = (kernel_folder() / "include" / light.header).read_text()
-    except OSError as error:
-        raise LightError(
-            f"light {kind!r}: {light.header} cannot be read: {error.strerror}; give the class the "
-            f"path of its header"
-        ) from None
-    missing = [function for function in FUNCTIONS if function not in text]
-    if missing:
-        raise LightError(
-            f"light {kind!r}: {light.header} does not define {' and '.join(missing)}; see "
-            f"kernels/include/light/sample.clh"
-        )
+    header = kernel_folder() / "include" / light.header
+    _lights.check_header(kind, header, FUNCTIONS, "kernels/include/light/sample.clh")
     _lights.add(kind, light)
     return light
 

@@ -6,6 +6,7 @@ sees it from inside (not mirrored); a rotation turns the light from +x towards +
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +18,21 @@ from furcl.cdf import inclusive_cdf
 from furcl.errors import ImageError
 from furcl.image.colour import luminance
 from furcl.image.exr import read_exr, rgb_of
-from furcl.image.hdr import read_hdr
+from furcl.image.hdr import is_hdr, read_hdr
+
+log = logging.getLogger(__name__)
 
 Array = NDArray[np.float64]
 
 # Every cell keeps this part of its row's mean chance, and at least a step that float32 can hold.
 FLOOR_SHARE = 1e-3
 FLOOR_STEP = 2.0**-22
+
+# Sums of squares of a million samples of it are float32 numbers.
+LARGEST_RADIANCE = 1e15
+
+# Width over height of what is taken for latitude and longitude without a word.
+ASPECTS = (1.5, 3.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,21 +61,36 @@ class LatLong:
 
     @classmethod
     def load(cls, path: str | Path, *, rotation_deg: float = 0.0, scale: float = 1.0) -> LatLong:
-        """Read an .exr or .hdr image; raises ImageError as `make` and the readers do."""
-        if Path(path).suffix.lower() in (".hdr", ".pic"):
-            return cls.make(
-                read_hdr(path), rotation_deg=rotation_deg, scale=scale, source=str(path)
+        """Read an OpenEXR or Radiance image, told by its first bytes whatever its name.
+
+        Other primaries are converted to Rec.709. An image that covers a part of its window is black
+        elsewhere. One far from twice as wide as high is read, with a warning.
+
+        Raises
+        ------
+        ImageError      as `make` and the readers do; radiance above LARGEST_RADIANCE; an OpenEXR
+                        file that says that it is a cube
+        """
+        rgb = read_hdr(path) if is_hdr(path) else _read_exr(path)
+        height, width, _ = rgb.shape
+        if not ASPECTS[0] <= width / height <= ASPECTS[1]:
+            log.warning(
+                "%s: %d x %d pixels, read as latitude and longitude, which are twice as wide as "
+                "high; is it another projection?",
+                path,
+                width,
+                height,
             )
-        channels, header = read_exr(path)
-        window, whole = (header.get(key) for key in ("dataWindow", "displayWindow"))
-        if window is not None and whole is not None and not np.array_equal(window, whole):
+        image = cls.make(rgb, rotation_deg=rotation_deg, scale=scale, source=str(path))
+        if image.texels.max() > LARGEST_RADIANCE:
+            row, column = (int(i) for i in np.argwhere(image.texels > LARGEST_RADIANCE)[0][:2])
             raise ImageError(
-                f"{path}: holds only the part {np.array(window).tolist()} of "
-                f"{np.array(whole).tolist()}; "
-                f"save the whole sphere"
+                f"{path}: the pixel in column {column}, row {row} is "
+                f"{float(rgb[row, column].max()):g}, times the scale {scale:g}; at most "
+                f"{LARGEST_RADIANCE:g} is rendered, since the variance holds squares in float32; "
+                f"use a smaller scale or repair the image"
             )
-        rgb = rgb_of(channels, path)
-        return cls.make(rgb, rotation_deg=rotation_deg, scale=scale, source=str(path))
+        return image
 
     @classmethod
     def make(
@@ -169,6 +193,18 @@ class LatLong:
         left, right = self._edges(self.conditional, row, column)
         band = np.cos(row * (math.pi / height)) - np.cos((row + 1) * (math.pi / height))
         return (high - low) * (right - left) / (band * (2.0 * math.pi / width))
+
+
+def _read_exr(path: str | Path) -> NDArray[np.float32]:
+    """The picture of an OpenEXR file that is, or may be, in latitude and longitude."""
+    channels, header = read_exr(path)
+    projection = header.get("envmap")
+    if projection is not None and "LATLONG" not in str(projection).upper():
+        raise ImageError(
+            f"{path}: its attribute envmap is {str(projection).split('.')[-1]}; only latitude and "
+            f"longitude are read; convert it (exrenvmap -latlong)"
+        )
+    return rgb_of(channels, header, path)
 
 
 def _cell_weights(values: Array) -> Array:

@@ -18,6 +18,7 @@ from furcl.fibre import samplers
 from furcl.fibre.material import build_material
 from furcl.fibre.model import FibreFeatures, model_of
 from furcl.fibre.samplers import Sampler
+from furcl.values import is_whole, shown
 
 # Kernels measure h by the share of the fibre's width; here its density is per unit of h, and the
 # width is 2.
@@ -47,8 +48,8 @@ class Probe:
     Raises
     ------
     SamplerError    unknown sampling
-    FibreError      arrays whose shapes do not agree, directions that are not unit vectors, or h
-                    outside [-1, 1]
+    FibreError      arrays whose shapes do not agree, directions that are not unit vectors, h
+                    outside [-1, 1], a lobe that there is not, a seed or numbers outside their range
     DeviceError     no usable device
     """
 
@@ -136,6 +137,7 @@ class Probe:
         -------
         (n, 3) float32              [1/sr], >= 0
         """
+        self._check_lobe(lobe)
         value, _ = self.evaluate_lobes(wo, wi, h)
         return value.sum(axis=0) if lobe is None else value[lobe]
 
@@ -151,11 +153,13 @@ class Probe:
         -------
         (n,) float32    [1/sr per unit of h]
         """
+        self._check_lobe(lobe)
         _, pdf = self.evaluate_lobes(wo, wi, h)
         return pdf.sum(axis=0) if lobe is None else pdf[lobe]
 
     def direction_pdf(self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, lobe: int) -> np.ndarray:
         """Density with which a lobe at offset h chooses wi, (n,) float32 [1/sr]."""
+        self._check_lobe(lobe)
         return self._evaluate(wo, wi, h)[2][lobe]
 
     def sample(
@@ -179,12 +183,20 @@ class Probe:
         weight : (n, 3) float32 what the path's throughput is multiplied with
         pdf : (n,) float32      density of (lobe, h, wi) [1/sr per unit of h]
         """
+        if not is_whole(seed) or not 0 <= seed < 1 << 32:
+            raise FibreError(f"probe: seed = {shown(seed)} - allowed are 0 to 4294967295")
+        if n is not None and (not is_whole(n) or n < 0):
+            raise FibreError(f"probe: n = {shown(n)} - allowed are whole numbers, 0 or more")
         wo = np.atleast_2d(_unit("wo", wo))
         if n is not None:
+            if len(wo) not in (1, n):
+                raise FibreError(
+                    f"probe: n = {n} with {len(wo)} directions wo - allowed are one, or n"
+                )
             wo = np.broadcast_to(wo, (n, 3))
         n = len(wo)
         if numbers is not None:
-            numbers = np.asarray(numbers, np.float32).reshape(n, 2, 4)
+            numbers = _uniform(numbers, n)
         memory = Memory(self.device)
         outs = {
             name: memory.allocate(name, size * n)
@@ -284,6 +296,12 @@ class Probe:
             memory.read(direction, (lobes, n)),
         )
 
+    def _check_lobe(self, lobe: int | None) -> None:
+        if lobe is None or (is_whole(lobe) and 0 <= lobe < len(self.lobes)):
+            return
+        names = ", ".join(f"{i} {name}" for i, name in enumerate(self.lobes))
+        raise FibreError(f"probe: lobe = {shown(lobe)} - allowed are {names}")
+
     def _run(self, name: str, n: int, *arguments) -> None:
         kernel = cl.Kernel(self._program, name)
         kernel(self.device.queue, *grid(n), *arguments, self.material.buffer)
@@ -302,6 +320,19 @@ def _unit(name: str, w: ArrayLike) -> np.ndarray:
             f"the fibre's frame - normalise them"
         )
     return w
+
+
+def _uniform(numbers: ArrayLike, n: int) -> np.ndarray:
+    """Numbers (n, 2, 4) float32 of [0, 1)."""
+    array = np.asarray(numbers, np.float32)
+    if array.shape != (n, 2, 4):
+        raise FibreError(f"probe: numbers has shape {array.shape} - allowed is ({n}, 2, 4)")
+    if not np.all((array >= 0.0) & (array < 1.0)):
+        raise FibreError(
+            f"probe: numbers go from {np.min(array)} to {np.max(array)} in float32 - allowed are "
+            f"those of [0, 1)"
+        )
+    return array
 
 
 def _offsets(h: ArrayLike) -> np.ndarray:

@@ -17,6 +17,7 @@ from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
 from furcl.image.image import Image
+from furcl.rendering.arguments import check_curves, check_stops
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
 from furcl.rendering.wavefront import QueueLengths
@@ -74,6 +75,7 @@ class Renderer:
         specialised: bool = True,
         curves: Curves | Future[Curves] | None = None,
     ) -> None:
+        check_curves(curves)
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
@@ -203,13 +205,18 @@ class Renderer:
         return wave
 
     def image(self) -> Image:
-        """The picture so far, with its statistics."""
-        mean, variance, _ = self.film.read(self.memory)
+        """The picture so far, with its statistics; pixels without samples are 0."""
+        mean, variance, samples = self.film.read(self.memory)
+        empty = samples == 0
+        n_empty = int(empty.sum())
+        for values in (mean, variance) if n_empty else ():
+            values[empty] = 0.0
         return Image(
             rgb=mean,
             variance=variance,
-            stats=self.stats(),
+            stats={**self.stats(), "pixels_without_samples": n_empty},
             exposure_stops=self.scene.film.exposure_stops,
+            samples=samples if n_empty else None,
         )
 
     def stats(self) -> dict:
@@ -288,6 +295,7 @@ def render(
     ------
     SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError
     """
+    check_stops(progress, time_limit)
     if not isinstance(scene, Scene):
         from furcl.scene.read import load_scene
 

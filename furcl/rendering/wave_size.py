@@ -8,12 +8,16 @@ from furcl.device import layout
 from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.errors import ResourceError
+from furcl.values import is_whole, shown
 
 # Renders on CPUs are as fast with any size from 2^14 to 2^18 within a few percent, and PoCL
 # compiles kernels again for grids of 2^16 work-items and more; docs/notebook.md has the
 # measurement. A GPU needs enough paths to fill it.
 DEFAULT_CPU = 1 << 15
 DEFAULT_GPU = 1 << 20
+
+# Slots are counted in 32 bits, with room for a grid's last work-group.
+LARGEST = 1 << 30
 
 # Path state and queues may take this share of the device's memory.
 MEMORY_SHARE = 0.25
@@ -40,12 +44,15 @@ def choose_wave_size(device: Device, features: Features, asked: int | None = Non
 
     Raises
     ------
-    ResourceError       if `asked` is below 1
+    ResourceError       if `asked` is no whole number of 1 to LARGEST
     """
     if asked is not None:
-        if asked < 1:
-            raise ResourceError(f"wave size {asked}: at least one path is traced at a time")
-        return WaveSize(asked, "asked for")
+        if not is_whole(asked) or not 1 <= asked <= LARGEST:
+            raise ResourceError(
+                f"wave size {shown(asked)}: at least one path is traced at a time, and at most "
+                f"{LARGEST}; give a whole number, or leave it out"
+            )
+        return WaveSize(int(asked), "asked for")
     default = DEFAULT_CPU if device.is_cpu else DEFAULT_GPU
     most = max(affordable(device, features), 1)
     if default <= most:

@@ -17,7 +17,7 @@ def load_results(folder: Path, benchmark: str) -> dict[str, Any]:
     """The results.json of a folder; BenchError if it is not that of `furcl bench BENCHMARK`."""
     path = folder / "results.json"
     try:
-        results = json.loads(path.read_text())
+        results = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise BenchError(
             f"{path}: cannot be read: {error}; give the folder of a `furcl bench {benchmark}`"
@@ -45,5 +45,5 @@ def write_page(
     page = environment.get_template(template).render(**values)
     path = folder / "index.html"
     with atomic_path(path) as temporary:
-        temporary.write_text(page)
+        temporary.write_text(page, encoding="utf-8")
     return path

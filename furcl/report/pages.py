@@ -29,7 +29,7 @@ def write_pages(folder: str | Path) -> list[Path]:
     pages = []
     for path in sorted(Path(folder).rglob("results.json")):
         try:
-            schema = str(json.loads(path.read_text()).get("schema"))
+            schema = str(json.loads(path.read_text(encoding="utf-8")).get("schema"))
         except (OSError, ValueError, AttributeError) as error:
             raise BenchError(f"{path}: cannot be read: {error}; run the benchmark again") from None
         writer = WRITERS.get(schema.rpartition("-")[0])

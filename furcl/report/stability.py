@@ -20,7 +20,7 @@ def write_report(folder: str | Path) -> Path:
     results = load_results(folder, "stability")
     figure = _draw(results["parameters"])
     (folder / "plots").mkdir(exist_ok=True)
-    (folder / "plots" / "parameters.svg").write_text(figure)
+    (folder / "plots" / "parameters.svg").write_text(figure, encoding="utf-8")
     return write_page(
         folder,
         "stability.html",

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import copy
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from furcl.errors import SceneError
+from furcl.scene.document import MAX_DEPTH, parse_toml
 from furcl.scene.schema import Keys, files_in, is_text, type_at
 from furcl.scene.tables import KINDS
+from furcl.values import is_number, is_whole, shown
 
 Document = dict[str, Any]
 
@@ -37,13 +38,25 @@ def keyword_overrides(keywords: dict[str, Any]) -> list[str]:
         if value is None:
             continue
         if name != "size":
-            changes.append(f"{_KEYWORDS[name]}={value}")
+            if not (is_number(value) or isinstance(value, str)):
+                raise SceneError(f"{name} = {shown(value)}: expected a number or a word")
+            try:
+                changes.append(f"{_KEYWORDS[name]}={value}")
+            except ValueError:  # a whole number of thousands of digits
+                raise SceneError(f"{name} = {shown(value)}: out of its range") from None
             continue
-        size = value.lower().split("x") if isinstance(value, str) else list(value)
-        if len(size) != 2 or not all(str(n).strip().isdigit() for n in size):
-            raise SceneError(f"size = {value!r}: expected WxH in pixels, for example 640x480")
+        size = value.lower().split("x") if isinstance(value, str) else value
+        if not _is_size(size):
+            raise SceneError(f"size = {shown(value)}: expected WxH in pixels, for example 640x480")
         changes += [f"film.width={size[0]}", f"film.height={size[1]}"]
     return changes
+
+
+def _is_size(size: Any) -> bool:
+    """Whether these are two numbers of pixels, as numbers or digits."""
+    if not isinstance(size, list | tuple) or len(size) != 2:
+        return False
+    return all(n.strip().isdecimal() if isinstance(n, str) else is_whole(n) for n in size)
 
 
 def apply_overrides(document: Document, overrides: Iterable[str]) -> Document:
@@ -88,9 +101,9 @@ def _split(override: str) -> tuple[Keys, str, str]:
     """Keys and value of an override, and the override for messages."""
     dotted, equals, text = override.partition("=")
     keys = tuple(key.strip() for key in dotted.split("."))
-    if not equals or not all(keys):
+    if not equals or not all(keys) or len(keys) > MAX_DEPTH:
         raise SceneError(
-            f"override {override!r}: expected KEY=VALUE with a dotted key, "
+            f"override {shown(override)}: expected KEY=VALUE with a dotted key, "
             f"for example render.spp=16 or curves.file=groom.hair"
         )
     return keys, text, override
@@ -105,7 +118,7 @@ def _table_for(document: Document, keys: Keys, override: str) -> Document:
         table = table[key]
         if not isinstance(table, dict):
             raise SceneError(
-                f"override {override!r}: {'.'.join(keys[:depth])} is a value, not a table; "
+                f"override {shown(override)}: {'.'.join(keys[:depth])} is a value, not a table; "
                 f"set it without a further key"
             )
     return table
@@ -120,7 +133,7 @@ def _text(text: str) -> str:
 def _toml_value(text: str) -> Any:
     """A TOML value; text that is none is a string."""
     try:
-        parsed = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+        parsed = parse_toml(f"value = {text}")
+    except ValueError:
         return text
     return parsed["value"] if len(parsed) == 1 else text

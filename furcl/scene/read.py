@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,24 @@ from typing import Any
 import msgspec
 
 from furcl.errors import FibreError, SceneError
+from furcl.files import is_file, named
 from furcl.paths import scene_folder
+from furcl.scene.document import MAX_BYTES, parse_toml
 from furcl.scene.overrides import Document, absolute_files, apply_overrides, keyword_overrides
 from furcl.scene.refusal import check_tables, refuse_missing, refuse_value
 from furcl.scene.schema import files_in
 from furcl.scene.tables import KINDS, Scene
+from furcl.values import shown
 
 
 def find_scene(name: str | os.PathLike[str]) -> Path:
-    """The file of that name; where there is none, the scene of that name which comes with furcl."""
-    path = Path(name)
+    """The file of that name; where there is none, the scene of that name which comes with furcl.
+
+    Raises
+    ------
+    SceneError      no file can have that name
+    """
+    path = named(name, SceneError)
     shipped = (scene_folder() / path.name).with_suffix(".toml")
     return shipped if not path.exists() and path.parent == Path() and shipped.exists() else path
 
@@ -59,7 +66,8 @@ def load_scene(
 
 def _read(path: Path) -> Document:
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
+        with path.open("rb") as file:
+            return parse_toml(file.read(MAX_BYTES + 1).decode("utf-8"))
     except FileNotFoundError:
         raise SceneError(f"{path}: there is no such scene file; {_where_else(path)}") from None
     except OSError as error:
@@ -68,7 +76,7 @@ def _read(path: Path) -> Document:
         raise SceneError(
             f"{path}: byte {error.start} is not UTF-8; a scene is a TOML text, is this a groom?"
         ) from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise SceneError(f"{path}: not valid TOML: {error}; correct the file") from None
 
 
@@ -125,9 +133,10 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
         elif field.required:
             refuse_missing(field.name, source)
     for keys, table in files_in(document):
-        if not Path(table[keys[-1]]).is_file():
+        name = table[keys[-1]]
+        if not is_file(name):
             raise SceneError(
-                f"{source}: {'.'.join(keys)} = {table[keys[-1]]!r}: there is no such file; correct "
+                f"{source}: {'.'.join(keys)} = {shown(name)}: there is no such file; correct "
                 f"the path (relative ones are sought beside the scene file, those of --set where "
                 f"you are)"
             )

@@ -11,6 +11,7 @@ import msgspec
 from furcl.errors import SceneError
 from furcl.scene.schema import allows_none, choices, example, fields, table_type, type_at
 from furcl.scene.tables import KINDS, Kinds, Scene
+from furcl.values import LONGEST_SHOWN, shown
 
 
 def check_tables(document: object, source: str) -> None:
@@ -35,10 +36,19 @@ def _check_table(table: Any, struct: type[msgspec.Struct], where: str, source: s
         elif isinstance(value, dict) and kinds:
             _refuse_kind(key, kinds, value, source)
         elif (inner or kinds) and not (value is None and allows_none(types[key])):
-            shown = _example(f"{where}{key}", kinds, inner)
+            example = _example(f"{where}{key}", kinds, inner)
             raise SceneError(
-                f"{source}: {where}{key} = {value!r}: expected a table, for example {shown}"
+                f"{source}: {where}{key} = {shown(value)}: expected a table, for example "
+                f"{example}; {_keys_of(kinds, inner)}"
             )
+
+
+def _keys_of(kinds: Kinds | None, struct: type[msgspec.Struct] | None) -> str:
+    """The keys that a table may have, or the key that says which."""
+    struct = kinds.type_of({}) if kinds else struct
+    if struct is None:
+        return f"{kinds.tag} is one of {', '.join(kinds.tables())}" if kinds else ""
+    return f"its keys are {', '.join(fields(struct))}"
 
 
 def _refuse_key(key: str, struct: type[msgspec.Struct], where: str, source: str) -> NoReturn:
@@ -53,8 +63,13 @@ def _refuse_key(key: str, struct: type[msgspec.Struct], where: str, source: str)
     else:
         remedy = f"; did you mean {where}{near[0]}?" if near else "."
     raise SceneError(
-        f"{source}: unknown key {where}{key}{kind}{remedy} Known are {', '.join(known)}."
+        f"{source}: unknown key {where}{_cut(key)}{kind}{remedy} Known are {', '.join(known)}."
     )
+
+
+def _cut(key: str) -> str:
+    """A key as it is, or as much of a very long one as one can read."""
+    return key if len(key) <= LONGEST_SHOWN else shown(key)
 
 
 def _refuse_kind(name: str, kinds: Kinds, table: Any, source: str) -> NoReturn:
@@ -62,7 +77,7 @@ def _refuse_kind(name: str, kinds: Kinds, table: Any, source: str) -> NoReturn:
         refuse_missing(f"{name}.{kinds.tag}", source)
     found = table[kinds.tag]
     raise SceneError(
-        f"{source}: {name}.{kinds.tag} = {found!r}: {_allowed(found, tuple(kinds.tables()))}"
+        f"{source}: {name}.{kinds.tag} = {shown(found)}: {_allowed(found, tuple(kinds.tables()))}"
     )
 
 
@@ -106,10 +121,10 @@ def refuse_value(message: str, document: dict[str, Any], name: str, source: str)
         what = _allowed(value, words)
     elif what.startswith("Expected"):
         what = "e" + what[1:].replace("`object`", "a table")
-    shown = "" if isinstance(value, dict) else f" = {value!r}"
-    raise SceneError(f"{source}: {where}{shown}: {what}")
+    found = "" if isinstance(value, dict) else f" = {shown(value)}"
+    raise SceneError(f"{source}: {where}{found}: {what}")
 
 
 def _allowed(found: Any, words: tuple[str, ...]) -> str:
-    near = difflib.get_close_matches(str(found), words, 1, 0.5)
+    near = difflib.get_close_matches(shown(found).strip("'"), words, 1, 0.5)
     return f"allowed are {', '.join(words)}" + (f"; did you mean {near[0]!r}?" if near else "")

@@ -7,9 +7,12 @@ that defines surface_hit and surface_point. A scene names it: [body] kind = "ell
 from __future__ import annotations
 
 from furcl.errors import SceneError
+from furcl.paths import kernel_folder
 from furcl.registry import Registry
 from furcl.surface.ellipsoid import NOWHERE, Body
 from furcl.surface.model import Surface
+
+FUNCTIONS = ("surface_hit", "surface_point")
 
 BUILT_IN: tuple[type[Surface], ...] = (Body,)
 _surfaces: Registry[type[Surface]] = Registry(
@@ -31,7 +34,8 @@ def register(surface: type[Surface]) -> type[Surface]:
 
     Raises
     ------
-    SceneError      a kind of furcl's own, or a table that is tagged otherwise
+    SceneError      a kind of furcl's own, a table that is tagged otherwise, or a header that cannot
+                    be read or lacks one of the functions
     """
     name = surface.part.name
     _surfaces.check_name(name)
@@ -41,6 +45,8 @@ def register(surface: type[Surface]) -> type[Surface]:
             f"surface {name!r}: its table is tagged {config.tag_field} = {config.tag!r}; give the "
             f"class tag_field='kind', tag={name!r}"
         )
+    header = kernel_folder() / "include" / surface.part.header
+    _surfaces.check_header(name, header, FUNCTIONS, "kernels/include/surface/ellipsoid.clh")
     _surfaces.add(name, surface)
     return surface
 

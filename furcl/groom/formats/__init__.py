@@ -9,10 +9,11 @@ from typing import BinaryIO
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.files import atomic_path
+from furcl.files import atomic_path, named
 from furcl.groom.curves import Curves
 from furcl.groom.formats.npz import read_npz, write_npz
 from furcl.groom.formats.yuksel_hair import read_hair, write_hair
+from furcl.values import is_number, shown
 
 Reader = Callable[[Path, float | None], Curves]
 Writer = Callable[[Curves, BinaryIO, Path], None]
@@ -78,11 +79,14 @@ def load_curves(
     GroomError                   a file that cannot be read or used: names the file, the byte
                                  offset or strand, what is allowed and a remedy
     """
-    path = Path(path)
+    path = named(path, GroomError)
     for name, value in (("default_radius", default_radius), ("radius_scale", radius_scale)):
-        if value is not None and not 0.0 < value < float("inf"):
+        if value is None and name == "default_radius":
+            continue
+        if not is_number(value) or not 0.0 < value < float("inf"):
+            given = f"{value:g}" if is_number(value) else shown(value)
             raise GroomError(
-                f"{path}: {name} = {value:g}; it must be positive and finite. Correct it."
+                f"{path}: {name} = {given}; it must be positive and finite. Correct it."
             )
     read = READERS[_suffix(path, READERS, "reads")]
     try:
@@ -90,6 +94,11 @@ def load_curves(
     except OSError as error:
         raise GroomError(
             f"{path}: cannot be read: {error.strerror or error}. Check the path and its rights."
+        ) from error
+    except MemoryError as error:
+        raise GroomError(
+            f"{path}: does not fit into the memory of this process. Read a part of the groom, or "
+            "raise the limit (ulimit -v)."
         ) from error
     if radius_scale == 1.0:
         return curves
@@ -115,7 +124,7 @@ def save_curves(curves: Curves, path: str | os.PathLike[str]) -> None:
     GroomError                   an unknown suffix, a strand too long for the format, or a folder
                                  that cannot be written
     """
-    path = Path(path)
+    path = named(path, GroomError)
     write = WRITERS[_suffix(path, WRITERS, "writes")]
     try:
         with atomic_path(path) as temporary, temporary.open("xb") as file:

@@ -1,7 +1,7 @@
 """Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, colours."""
 
+import math
 import zipfile
-import zlib
 from pathlib import Path
 from typing import BinaryIO
 
@@ -9,8 +9,11 @@ import numpy as np
 from numpy.lib import format as npy
 
 from furcl.errors import GroomError
-from furcl.groom.curves import Curves
+from furcl.groom.curves import ADVICE, Curves
+from furcl.memory import require_memory
+from furcl.values import shown
 
+MEMBERS = ("points", "radii", "radius", "offsets", "counts", "colours")
 # deflate cannot pack tighter, so a member that claims more is lying.
 MAX_DEFLATE_RATIO = 1032
 
@@ -19,13 +22,14 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
     """Read an .npz groom. Members with other names are ignored; nothing is ever unpickled.
 
     points (N, 3); radii (N,) or a scalar, also under the name radius; offsets (S + 1,) or
-    counts (S,), any integers; colours (N, 3), optional. The size of an array that its header
-    claims is compared with the file before anything is allocated.
+    counts (S,), any integers; colours (N, 3), optional. Or points (S, K, 3), S strands of K, with
+    radii (S, K) or a scalar and no offsets or counts. The sizes of arrays that their headers claim
+    are compared with the file and with the memory before anything is allocated.
 
     Parameters
     ----------
     path : Path                  the file
-    default_radius : float       used where the file has neither radii nor radius
+    default_radius : float       used where the file has neither radii nor radius, or only 0
 
     Raises
     ------
@@ -35,13 +39,15 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
         with zipfile.ZipFile(path) as archive:
             arrays = {
                 name: _read_member(archive, name, path)
-                for name in ("points", "radii", "radius", "offsets", "counts", "colours")
+                for name in MEMBERS
                 if f"{name}.npy" in archive.namelist()
             }
-    except (zipfile.BadZipFile, EOFError, NotImplementedError) as error:
+    except (GroomError, OSError):
+        raise
+    except Exception as error:  # zipfile raises whatever its parts raise on damaged files
         raise GroomError(
-            f"{path}: not a whole .npz (zip) file: {error}. It is truncated or of another format; "
-            "fetch or write it again with numpy.savez."
+            f"{path}: not a whole .npz (zip) file: {shown(str(error))}. It is truncated or of "
+            "another format; fetch or write it again with numpy.savez."
         ) from error
     if "points" not in arrays:
         raise GroomError(
@@ -67,15 +73,21 @@ def write_npz(curves: Curves, file: BinaryIO, path: Path) -> None:
 
 def _read_member(archive, name, path):
     info = archive.getinfo(f"{name}.npy")
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise GroomError(
+            f"{path}: array '{name}' is packed by method {info.compress_type} of zip; numpy.savez "
+            "and savez_compressed pack by 0 or 8. Write the file with one of them."
+        )
     if info.file_size > MAX_DEFLATE_RATIO * info.compress_size + 1024:
         raise GroomError(
             f"{path}: array '{name}' claims {info.file_size} bytes but holds {info.compress_size} "
             "packed ones; the file is damaged, write it again."
         )
+    require_memory(path, n_bytes=4 * info.file_size, error=GroomError)
     try:
         with archive.open(info) as file:
             shape, dtype = _read_header(file)
-            claimed = int(np.prod(shape, dtype=object)) * dtype.itemsize + file.tell()
+            claimed = math.prod(shape) * dtype.itemsize + file.tell()
         if claimed != info.file_size:
             raise GroomError(
                 f"{path}: array '{name}' of shape {shape} and type {dtype} claims {claimed} bytes; "
@@ -83,9 +95,11 @@ def _read_member(archive, name, path):
             )
         with archive.open(info) as file:
             return npy.read_array(file, allow_pickle=False)
-    except (ValueError, RuntimeError, zlib.error) as error:
+    except (GroomError, OSError):
+        raise
+    except Exception as error:  # numpy reads a header as Python, whose parser raises many things
         raise GroomError(
-            f"{path}: array '{name}' cannot be read: {error}. Save it as plain numbers."
+            f"{path}: array '{name}' cannot be read: {shown(str(error))}. Save it as plain numbers."
         ) from error
 
 
@@ -95,6 +109,8 @@ def _read_header(file):
     shape, _, dtype = read(file)
     if dtype.hasobject:
         raise ValueError("it holds Python objects, which are never loaded")
+    if not all(type(size) is int and size >= 0 for size in shape):
+        raise ValueError(f"its shape is {shown(shape)}, which is none")
     return shape, dtype
 
 
@@ -103,13 +119,29 @@ def _radii(arrays, default_radius, path):
     if radii is None:
         raise GroomError(
             f"{path}: no array 'radii' or 'radius'; one radius per point or a scalar is needed. "
-            "Add it, or give the radius of the strands: default_radius = R, in the units of the "
-            "file."
+            f"{ADVICE}"
         )
+    if default_radius is not None and np.asarray(radii).dtype.kind in "fiu" and not np.any(radii):
+        return default_radius
     return radii
 
 
 def _offsets(arrays, path):
+    points = arrays["points"]
+    if points.ndim == 3:
+        both = [name for name in ("offsets", "counts") if name in arrays]
+        if both:
+            n, per_strand, _ = points.shape
+            raise GroomError(
+                f"{path}: points of shape {points.shape} say themselves where strands begin, and "
+                f"there is {' and '.join(both)}. Leave that out, or give points as "
+                f"({n * per_strand}, 3)."
+            )
+        return None
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise GroomError(
+            f"{path}: points has shape {points.shape}; expected (N, 3), one row x y z per point."
+        )
     if "counts" not in arrays:
         if "offsets" not in arrays:
             raise GroomError(
@@ -123,7 +155,7 @@ def _offsets(arrays, path):
             f"{path}: counts has shape {counts.shape} and type {counts.dtype}; expected a flat "
             "array of integers, the number of points of each strand."
         )
-    n_points = len(arrays["points"])
+    n_points = len(points)
     if counts.size and not 0 <= int(counts.min()) <= int(counts.max()) <= n_points:
         raise GroomError(
             f"{path}: counts run from {counts.min()} to {counts.max()}; each must be between 2 and "

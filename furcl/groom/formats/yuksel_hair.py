@@ -11,7 +11,8 @@ from typing import BinaryIO
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.groom.curves import Curves
+from furcl.groom.curves import ADVICE, Curves
+from furcl.memory import require_memory
 
 HEADER = np.dtype(
     [
@@ -41,7 +42,7 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
     Parameters
     ----------
     path : Path                  the file
-    default_radius : float       used where the file holds no positive thickness at all
+    default_radius : float       used where the file holds no thickness but 0
 
     Raises
     ------
@@ -57,6 +58,8 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
         if sizes["thickness"]:
             radii = _read(file, "<f4", n_points, path)
             radii *= 0.5
+            if default_radius is not None and not radii.any():
+                radii = np.float32(default_radius)
         else:
             radii = np.float32(_default_radius(header, default_radius, path))
         file.seek(sizes["transparency"], 1)
@@ -167,12 +170,14 @@ def _check_size(header, sizes, path):
             f"{path}: {found - end} bytes too many: {claim}, which end at byte {end} of {found}. "
             "The header does not belong to the data; export the file again."
         )
+    require_memory(path, n_bytes=4 * end, error=GroomError)
 
 
 def _read_offsets(file, header, path):
     n_strands, n_points = int(header["n_strands"]), int(header["n_points"])
-    offsets = np.zeros(n_strands + 1, dtype=np.int64)
+    offsets = None
     if int(header["arrays"]) & HAS_SEGMENTS:
+        offsets = np.zeros(n_strands + 1, dtype=np.int64)
         np.cumsum(_read(file, "<u2", n_strands, path).astype(np.int64) + 1, out=offsets[1:])
         total, rule = int(offsets[-1]), "the segments from byte 128 on, plus one a strand,"
     else:
@@ -205,7 +210,6 @@ def _default_radius(header, default_radius, path):
     if default_radius is None:
         raise GroomError(
             f"{path}: no thickness array, and the default thickness at byte 20 is {thickness:g}; "
-            "a positive one is needed. Give the radius of the strands: default_radius = R, in the "
-            "units of the file."
+            f"a positive one is needed. {ADVICE}"
         )
     return default_radius

@@ -1,0 +1,94 @@
+"""What makes a picture black or slow, as far as it can be known before it is rendered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl.groom.curves import Curves
+from furcl.scene.camera import Camera
+from furcl.scene.tables import Scene
+from furcl.surface.ellipsoid import Body
+
+Array = NDArray[np.float64]
+
+POINTS = 100_000  # as many points of a groom are looked at
+FAR_SIZES = 1e5  # there float32 places points within a hundredth of the groom's size
+SMALL_PX = 2.0
+THIN_PX = 1e-3
+LONG_SPP = 1e11  # samples of all pixels: hours on any machine
+
+
+def of_scene(scene: Scene, curves: Curves) -> Iterator[str]:
+    """Reasons why the picture may be black, empty, coarse or slow; one sentence each."""
+    points = _some(curves)
+    camera = scene.resolved_camera(curves)
+    lower, upper = (bound.astype(np.float64) for bound in curves.bounds())
+    yield from _of_places(lower, upper, points)
+    yield from _of_view(scene, camera, points, curves)
+    if isinstance(scene.body, Body):
+        yield from _of_body(scene.body, camera, points)
+    samples = scene.film.width * scene.film.height * scene.render.spp
+    if samples > LONG_SPP:
+        yield f"{samples:.1g} samples of all pixels take hours or days; reduce spp or the film"
+
+
+def _some(curves: Curves) -> Array:
+    """Points of a groom, at most POINTS of them, spread over it."""
+    return curves.points[:: -(-curves.n_points // POINTS)].astype(np.float64)
+
+
+def _of_places(lower: Array, upper: Array, points: Array) -> Iterator[str]:
+    size = float((upper - lower).max())
+    distance = float(np.abs([lower, upper]).max())
+    if distance > FAR_SIZES * size:
+        yield (
+            f"the groom is {distance / size:.1g} of its sizes away from the origin: float32 cannot "
+            f"tell its points apart; move it to the origin"
+        )
+    middle = np.percentile(points, (5.0, 95.0), axis=0)
+    core = float((middle[1] - middle[0]).max())
+    if size > 1e3 * core:
+        yield (
+            f"nine tenths of its points are within {core:.4g}, all of them within {size:.4g}: are "
+            f"there stray points?"
+        )
+
+
+def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Iterator[str]:
+    origin, right, up, forward = camera.frame()
+    depth = (points - origin) @ forward
+    in_front = depth > 0.0
+    half = np.tan(np.radians(camera.vfov_deg) / 2.0)
+    if not in_front.any():
+        yield "the groom is behind the camera; turn the camera, or leave origin and target out"
+        return
+    seen, z = points[in_front], depth[in_front]
+    y = (seen - origin) @ up / (half * z)
+    x = (seen - origin) @ right / (half * z * scene.film.aspect)
+    if not ((np.abs(x) < 1.0) & (np.abs(y) < 1.0)).any():
+        if x.min() > 1.0 or x.max() < -1.0 or y.min() > 1.0 or y.max() < -1.0:
+            yield "the groom is outside the picture; turn the camera, or leave origin out"
+        return
+    height_px = 0.5 * scene.film.height
+    extent = max(float(np.ptp(x)) * scene.film.aspect, float(np.ptp(y))) * height_px
+    if extent < SMALL_PX:
+        yield f"the groom is {extent:.2g} pixels large in the picture; move the camera closer"
+    radius_px = float(np.median(curves.radii)) / (half * float(np.median(z))) * height_px
+    if radius_px < THIN_PX:
+        yield (
+            f"fibres are {2.0 * radius_px:.1g} pixels thick: samples hardly meet them, so the "
+            f"picture is black or noisy; give radius_scale or move the camera closer"
+        )
+
+
+def _of_body(body: Body, camera: Camera, points: Array) -> Iterator[str]:
+    def inside(places: Array) -> NDArray[np.bool_]:
+        return ((places - body.centre) ** 2 / np.square(body.radii)).sum(axis=-1) < 1.0
+
+    if inside(np.array(camera.origin)):
+        yield "the camera is inside the body, which stops all light; move one of them"
+    if inside(points).all():
+        yield "the whole groom is inside the body, which hides it; make the body smaller"

@@ -1,0 +1,48 @@
+"""Memory of this process, asked for before a file is decoded that claims much of it."""
+
+from __future__ import annotations
+
+import os
+import resource
+from pathlib import Path
+
+from furcl.errors import FurclError
+
+
+def available_bytes() -> int:
+    """What this process can still allocate [bytes]: memory of the machine, within its limit.
+
+    The limit is that of the address space (ulimit -v). What cannot be found out does not count.
+    """
+    free = 1 << 62
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
+        facts = dict(line.split(":", 1) for line in lines if ":" in line)
+        free = int(facts["MemAvailable"].split()[0]) * 1024
+    except (OSError, KeyError, ValueError):
+        pass
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY:
+        try:
+            used = int(
+                Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]
+            ) * os.sysconf("SC_PAGE_SIZE")
+        except (OSError, ValueError):
+            used = 0
+        free = min(free, max(limit - used, 0))
+    return free
+
+
+def require_memory(path: str | Path, n_bytes: int, error: type[FurclError]) -> None:
+    """Refuse a file whose decoding takes more memory than there is.
+
+    Raises
+    ------
+    error       names the file, what it needs and what is there
+    """
+    available = available_bytes()
+    if n_bytes > available:
+        raise error(
+            f"{path}: needs {n_bytes / 2**20:.0f} MiB to be read; {available / 2**20:.0f} MiB of "
+            f"memory are available. Use a smaller file, or raise the limit (ulimit -v)."
+        )

@@ -1,0 +1,38 @@
+"""The short form of every case of bench/faults.sh."""
+
+from __future__ import annotations
+
+import pytest
+from faults.__main__ import outcome, topics
+from faults.case import Case
+
+CASES = [
+    pytest.param(case, id=f"{topic}: {case.name}")
+    for topic, cases in topics().items()
+    for case in cases
+]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_faults(case, tmp_path):
+    assert case.run(tmp_path, True)
+
+
+def _wrong(folder, quick):
+    raise AssertionError("it broke\nhere")
+
+
+def _broken(folder, quick):
+    raise KeyError("x")
+
+
+@pytest.mark.parametrize(
+    ("run", "said", "right"),
+    [
+        (lambda folder, quick: f"{len(list(folder.iterdir()))} files", "0 files", True),
+        (_wrong, "it broke", False),
+        (_broken, "KeyError: 'x' (test_faults.py:29)", False),
+    ],
+)
+def test_outcomes(run, said, right):
+    assert outcome(Case("a case", run), True) == (said, right)
