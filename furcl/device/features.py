@@ -59,6 +59,7 @@ class Features:
     filter : str                one of layout.FILTERS
     roulette : bool             Russian roulette within the depth limit
     variance : bool             film keeps second moments
+    planned : bool              a plan says how many samples each pixel takes
     statistics : bool           counters of lobes and path lengths
     debug : bool                index checks in every buffer access that has one
     """
@@ -74,6 +75,7 @@ class Features:
     filter: str = "gaussian"
     roulette: bool = True
     variance: bool = True
+    planned: bool = False
     statistics: bool = True
     debug: bool = False
 

@@ -17,6 +17,7 @@ from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
 from furcl.image.image import Image
+from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
 from furcl.rendering.wavefront import QueueLengths
@@ -86,6 +87,9 @@ class Renderer:
         self.wavefront = self.setup.wavefront
         self.wave_size = self.setup.wave_size
         self.seconds = dict(self.setup.seconds)
+        self.plan: SamplePlan | None = None
+        if self.film.plan:
+            self.plan = SamplePlan(self.memory, self.film.plan, self.film.width, self.film.height)
         self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
         self._forget_counts()
 
@@ -103,6 +107,8 @@ class Renderer:
         """Forget all samples and their statistics; the next ones have another seed."""
         self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
+        if self.plan:
+            self.plan.restart()
         self._forget_counts()
         self.seconds.pop("render", None)
 
@@ -130,8 +136,8 @@ class Renderer:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
                     break
-                wave = self._next_wave(end)
-                self._trace(wave)
+                wave, n_pixels = self._next_wave(end)
+                self._trace(wave, n_pixels)
                 if not self.paths_done:
                     self.device.queue.finish()
                     log.debug(FIRST_SAMPLES)
@@ -147,8 +153,8 @@ class Renderer:
             self.seconds["render"] = self.seconds.get("render", 0.0) + passed
         return self.paths_done == end
 
-    def _trace(self, wave: np.ndarray) -> None:
-        """One wave from the camera to the film.
+    def _trace(self, wave: np.ndarray, n_pixels: int) -> None:
+        """One wave, with paths of so many pixels, from the camera to the film.
 
         The host is one bounce ahead of the device: a bounce is launched over as many paths as the
         bounce before it began with, and the device, which knows better, never waits for the host.
@@ -168,7 +174,7 @@ class Renderer:
                 active = self._count_rays(before)
                 if not active:
                     break
-        stages.add_to_film(wave)
+        stages.add_to_film(wave, n_pixels)
         if lengths:
             self._count_rays(lengths)
 
@@ -190,17 +196,19 @@ class Renderer:
             self.lobe_counts += self.wavefront.read_lobe_counts()
         self._rays_with_lobes = self.rays
 
-    def _next_wave(self, end: int) -> np.ndarray:
-        """The struct Wave of the paths from `paths_done` on."""
-        sample, pixel = divmod(self.paths_done, self.n_pixels)
+    def _next_wave(self, end: int) -> tuple[np.ndarray, int]:
+        """The struct Wave of the paths from `paths_done` on, and the number of their pixels."""
         wave = np.zeros((), layout.struct_dtype("Wave"))
         wave["width"], wave["height"] = self.film.width, self.film.height
-        wave["first_pixel"], wave["first_sample"] = pixel, sample
-        wave["n_paths"] = min(self.wave_size.paths, end - self.paths_done)
         wave["n_slots"] = self.wavefront.n_slots
         wave["seed"] = self.scene.render.seed
         wave["roulette_depth"] = self.scene.render.roulette_depth
-        return wave
+        n_paths = min(self.wave_size.paths, end - self.paths_done)
+        if self.plan:
+            return wave, self.plan.cut(wave, n_paths, -(-end // self.n_pixels))
+        wave["first_sample"], wave["first_pixel"] = divmod(self.paths_done, self.n_pixels)
+        wave["n_paths"] = n_paths
+        return wave, min(n_paths, self.n_pixels)
 
     def image(self) -> Image:
         """The picture so far, with its statistics."""

@@ -117,7 +117,9 @@ def set_up(
         grown = groom.result()
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
-        film = Film.allocate(memory, scene.film.width, scene.film.height, features)
+        film = Film.allocate(
+            memory, scene.film.width, scene.film.height, features, scene.render.spp
+        )
         with timed("compile"):
             wavefront = _wavefront(memory, scene, features, material, light, film, grown, size)
         built = tree.result()

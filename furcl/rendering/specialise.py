@@ -44,6 +44,7 @@ def scene_features(scene: Scene, fibre: Any, light: Light) -> Features:
         filter=scene.film.filter,
         roulette=render.roulette_depth < render.max_depth,
         variance=render.variance,
+        planned=render.allocation == "adaptive",
         statistics=render.statistics,
         debug=switched_on("FURCL_DEBUG"),
     )
@@ -81,6 +82,7 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),
         "tables": (tables, "the sampler needs no attenuation tables"),
         "variance": (features.variance, "no variance was asked for"),
+        "planned": (features.planned, "all pixels take the same number of samples"),
         "statistics": (features.statistics, "no statistics were asked for"),
         "debug": (features.debug, "FURCL_DEBUG is not set"),
     }

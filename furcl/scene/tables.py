@@ -76,6 +76,8 @@ class Render(Table, frozen=True, kw_only=True):
                             your own (docs/own_sampler.md)
     light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
                             light
+    allocation : str        "even" gives every pixel the same number of samples, "adaptive" more to
+                            those with larger errors
     roulette_depth : int    from here on paths may end at random, without bias [bounces]
     residual : bool         add the light of two and more reflections inside a fibre, so that white
                             fibres conserve energy
@@ -90,6 +92,7 @@ class Render(Table, frozen=True, kw_only=True):
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
+    allocation: Literal["even", "adaptive"] = "even"
     roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
     residual: bool = False
     variance: bool = True
