@@ -207,7 +207,6 @@ PATH_STATE = (
     Plane("DIR", 3),  # unit
     Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
     Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
-    Plane("RAYS", 1, lambda f: f.planned),  # uint: of the path, with those to lights
     Plane("SKIP_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
     Plane("SKIP_DISTANCE", 1),  # nearer hits on that strand are inside the fibre
     Plane("HIT_T", 1, lambda f: f.surface is not None),  # fibres need HIT_U alone

@@ -34,6 +34,7 @@ class Image:
     rgb : (H, W, 3) float32         mean of the samples, row 0 on top
     variance : (H, W, 3) float32    variance of that mean (sample variance over spp), or None if
                                     unknown
+    samples : (H, W) uint32         samples of each pixel, or None if unknown
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
     """
@@ -42,6 +43,7 @@ class Image:
     variance: NDArray[np.float32] | None = None
     stats: dict[str, Any] = field(default_factory=dict)
     exposure_stops: float = 0.0
+    samples: NDArray[np.uint32] | None = None
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
@@ -50,6 +52,11 @@ class Image:
             raise ImageError(
                 f"variance has the shape {self.variance.shape}; expected that of rgb, "
                 f"{self.rgb.shape}"
+            )
+        if self.samples is not None and self.samples.shape != self.rgb.shape[:2]:
+            raise ImageError(
+                f"samples has the shape {self.samples.shape}; expected {self.rgb.shape[:2]}, one "
+                f"number a pixel"
             )
 
     def __repr__(self) -> str:
@@ -72,11 +79,19 @@ class Image:
         """Rows."""
         return self.rgb.shape[0]
 
+    @property
+    def standard_error(self) -> NDArray[np.float32] | None:
+        """Root of the variance, mean of the channels, (H, W); None if unknown."""
+        if self.variance is None:
+            return None
+        return np.sqrt(self.variance.mean(axis=2, dtype=np.float64)).astype(np.float32)
+
     @classmethod
     def load(cls, path: str | Path) -> Image:
         """Read a picture from an OpenEXR file with channels R, G, B (or Y).
 
-        The variance is read where there is one, and the statistics where furcl wrote the file.
+        The variance is read where there is one, and so are the numbers of samples, and the
+        statistics where furcl wrote the file.
 
         Raises
         ------
@@ -94,11 +109,15 @@ class Image:
                 f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
                 f"save the picture again"
             ) from None
-        return cls(rgb_of(channels, path), variance, stats)
+        samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
+        return cls(rgb_of(channels, path), variance, stats, samples=samples)
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
         `exposure_stops`).
+
+        Where pixels have different numbers of samples, the .exr has the layers `samples` and
+        `error`, which is the standard error; else `spp` in the header says it all.
 
         The file appears whole or not at all; an older one of that name is kept until then.
 
@@ -140,6 +159,10 @@ class Image:
         channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
         if self.variance is not None:
             channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
+        if self.samples is not None and self.samples.min() < self.samples.max():
+            channels["samples"] = self.samples.astype(np.float32)
+            if self.standard_error is not None:
+                channels["error"] = self.standard_error
         return channels
 
 

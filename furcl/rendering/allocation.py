@@ -5,11 +5,13 @@ sample of pixel i has the least mean squared error (Neyman 1934). s_i is estimat
 samples took part, a pixel whose first samples missed what is bright would take few more, and the
 mean would be too dark. So pixels are coloured like a checkerboard, and a pixel's number depends on
 pixels of the other colour alone, and of those on their first samples alone, whose number is fixed
-(`pilot_samples`): it is independent of the pixel's own samples, and the mean of that many samples is
-unbiased, exactly. docs/allocation.md has the argument in full.
+(`pilot_samples`): it is independent of the pixel's own samples, and the mean of that many samples
+is unbiased, exactly. docs/allocation.md has the argument in full.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,10 @@ from furcl.device.layout import PILOT_GROWTH, PILOT_SAMPLES
 #: [pixels].
 SMOOTHING_PX = 2.0
 REACH_PX = 6
+
+#: Samples a pixel that a step ends with, over those that it begins with: a render that is stopped
+#: within a step has some pixels with the numbers of its end and some with those of its beginning.
+STEP_GROWTH = 1.5
 
 #: Part of the samples that is spread evenly, at least.
 EVEN_SHARE = 1 / 16
@@ -46,6 +52,28 @@ def n_levels(spp: int, n_pixels: int) -> int:
     ):
         levels += 1
     return levels
+
+
+def next_goal(goal: float) -> float:
+    """Samples a pixel, on average, that a step ends with at most which begins with `goal`."""
+    return max(float(pilot_samples(0)), float(math.ceil(STEP_GROWTH * goal)))
+
+
+def level_of_step(level: int, n_levels: int, before: float, goal: float) -> int:
+    """Level of the pilots that a step from `before` to `goal` samples a pixel rests on.
+
+    A new level wants all pixels to have its samples first, at worst as many more for each as the
+    levels differ by; together that must not be more than the step has. Nothing here depends on
+    what the samples were.
+    """
+    reached = pilot_samples(level)
+    while (
+        level + 1 < n_levels
+        and pilot_samples(level + 1) <= PILOT_SHARE * goal
+        and before + pilot_samples(level + 1) - reached <= goal
+    ):
+        level += 1
+    return level
 
 
 def checkerboard(height: int, width: int) -> NDArray[np.bool_]:
@@ -87,21 +115,22 @@ def _smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values
 
 
-def weights(pilots: NDArray[np.float32]) -> NDArray[np.float64]:
+def weights(pilots: NDArray[np.float32], relative: bool = False) -> NDArray[np.float64]:
     """What the numbers of samples are to be in proportion to.
 
     Parameters
     ----------
-    pilots : (H, W, 3)      of each pixel's first samples: variance, relative variance and rays of a
+    pilots : (H, W, 2)      of each pixel's first samples: variance and relative variance of a
                             sample; what is not finite counts as no variance
+    relative : bool         for the least relative error
 
     Returns
     -------
-    (H, W)      deviation over the root of the rays, of the neighbours of the other colour
+    (H, W)      standard deviation of the neighbours of the other colour
     """
-    variance = np.nan_to_num(pilots[..., 0].astype(np.float64), posinf=0.0)
-    rays = of_other_colour(pilots[..., 2].astype(np.float64))
-    return of_other_colour(np.sqrt(variance)) / np.sqrt(np.maximum(rays, 1.0))
+    variance = np.nan_to_num(pilots[..., int(relative)].astype(np.float64), posinf=0.0)
+    # Roots before means: one pixel that met something bright by chance weighs less.
+    return of_other_colour(np.sqrt(variance))
 
 
 def allot(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyopencl as cl
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from furcl.device.memory import Memory, fill
 from furcl.rendering import allocation
+from furcl.rendering.target import Target
 
-#: Samples a pixel that a step ends at, over those that it begins with: a render that is stopped
-#: within a step has some pixels with the numbers of its end and some with those of its beginning.
-STEP_GROWTH = 1.5
+if TYPE_CHECKING:
+    from furcl.rendering.film import Film
 
 #: A step's paths are numbered by 32 bits.
 MOST_PATHS = (1 << 32) - 1
@@ -27,14 +27,12 @@ class PlanBuffers:
     Attributes
     ----------
     plan : Buffer       uint32 (2 pixels + 1): the step, see kernels/include/core/paths.clh
-    pilots : Buffer     float32 (levels, pixels, 3): variance, relative variance, rays of a sample
-    n_rays : Buffer     uint32 rays of each pixel
+    pilots : Buffer     float32 (levels, pixels, 2): variance and relative variance of a sample
     n_levels : uint32
     """
 
     plan: cl.Buffer
     pilots: cl.Buffer
-    n_rays: cl.Buffer
     n_levels: np.uint32
 
     @staticmethod
@@ -48,14 +46,13 @@ class PlanBuffers:
         n_levels = allocation.n_levels(spp, n_pixels)
         return PlanBuffers(
             memory.allocate("plan", 4 * (2 * n_pixels + 1), zero=True),
-            memory.allocate("pilots", 12 * n_levels * n_pixels, zero=True),
-            memory.allocate("pixels' rays", 4 * n_pixels, zero=True),
+            memory.allocate("pilots", 8 * n_levels * n_pixels, zero=True),
             np.uint32(n_levels),
         )
 
     def clear(self, queue: cl.CommandQueue) -> None:
         """Forget all samples."""
-        for buffer in (self.plan, self.pilots, self.n_rays):
+        for buffer in (self.plan, self.pilots):
             fill(queue, buffer, 0, buffer.size)
 
 
@@ -64,30 +61,47 @@ class SamplePlan:
 
     Parameters
     ----------
-    width, height : int         [pixels]
+    film : Film             with the buffers of a plan
+    even : bool             all pixels take the same number
+    target : Target or None         error to stop at
 
     Attributes
     ----------
     counts : (H, W) int64       samples of each pixel when the step under way is done
-    steps : int                 plans so far
+    steps : int                 steps so far
     """
 
-    def __init__(self, memory: Memory, buffers: PlanBuffers, width: int, height: int) -> None:
-        self._queue = memory.device.queue
-        self._buffers = buffers
-        self._order = tile_order(width, height)
-        self._colour = allocation.checkerboard(height, width)
-        self.counts = np.zeros((height, width), np.int64)
+    def __init__(
+        self, memory: Memory, film: Film, even: bool = False, target: Target | None = None
+    ) -> None:
+        if film.plan is None:
+            raise ValueError("the film has no buffers of a plan")
+        self._memory, self._film, self._buffers = memory, film, film.plan
+        self._even, self._target = even, target
+        self._order = tile_order(film.width, film.height)
+        colour = allocation.checkerboard(film.height, film.width)
+        self._colours = (colour, ~colour) if film.width * film.height > 1 else (colour,)
+        self.counts = np.zeros((film.height, film.width), np.int64)
         self.restart()
 
     def restart(self) -> None:
         """Forget all samples."""
         self.counts[:] = 0
         self.steps = 0
-        self._goal = self._level_reached = 0
+        # Samples a pixel, on average, that the step under way ends with and that the render needs,
+        # each for both colours.
+        self._goals = [0.0 for _ in self._colours]
+        self._needed = list(self._goals)
+        self._level = 0
         self._starts = np.zeros(self.counts.size + 1, np.int64)
         self._first = np.zeros(self.counts.size, np.int64)
         self._done = 0
+
+    @property
+    def paths_needed(self) -> int:
+        """Paths of the whole render, as far as is known."""
+        sizes = [int(colour.sum()) for colour in self._colours]
+        return round(sum(n * size for n, size in zip(self._needed, sizes, strict=True)))
 
     def cut(self, wave: np.ndarray, most: int, spp: int) -> int:
         """Fill in which paths a wave holds: the next of the step, or of a new one.
@@ -96,84 +110,83 @@ class SamplePlan:
         ----------
         wave : struct Wave
         most : int          paths that it may hold
-        spp : int           samples a pixel, on average, that the render ends with
+        spp : int           samples a pixel, on average, that the render ends with at the latest
 
         Returns
         -------
-        int     pixels in tile order from the wave's first to its last
+        int     pixels in tile order from the wave's first to its last; 0 if there is nothing to do
         """
         while self._done == self._starts[-1]:
-            self._begin_step(spp)
-        first, last = (
-            int(np.searchsorted(self._starts, path, side="right")) - 1
-            for path in (self._done, min(self._done + most, int(self._starts[-1])) - 1)
-        )
-        wave["n_paths"] = min(most, int(self._starts[-1]) - self._done)
+            if not self._begin_step(spp):
+                return 0
+        n_paths = min(most, int(self._starts[-1]) - self._done)
+        paths = np.array([self._done, self._done + n_paths - 1])
+        first, last = np.searchsorted(self._starts, paths, side="right") - 1
+        wave["n_paths"] = n_paths
         wave["first_pixel"] = first
         wave["first_sample"] = self._first[first] + self._done - self._starts[first]
-        self._done += int(wave["n_paths"])
-        return last - first + 1
+        self._done += n_paths
+        return int(last - first) + 1
 
-    def _begin_step(self, spp: int) -> None:
-        """Plan the next step and send it to the device."""
+    def _begin_step(self, spp: int) -> bool:
+        """Plan the next step and send it to the device; false if the render has what it needs."""
+        self._needed = self._all_needed(spp)
+        before = self._goals
+        if all(a >= b for a, b in zip(before, self._needed, strict=True)):
+            return False
+        most = MOST_PATHS // self.counts.size
+        self._goals = [
+            max(goal, min(needed, goal + most, allocation.next_goal(goal)))
+            for goal, needed in zip(before, self._needed, strict=True)
+        ]
         taken = self.counts
-        self.counts = self._plan(spp)
+        self.counts = self._plan(before)
         self.steps += 1
         new = (self.counts - taken).ravel()[self._order]
         self._starts = np.concatenate([[0], np.cumsum(new)])
         self._first = taken.ravel()[self._order]
         self._done = 0
         words = np.concatenate([self._starts, self._first]).astype(np.uint32)
-        cl.enqueue_copy(self._queue, self._buffers.plan, words)
+        cl.enqueue_copy(self._memory.device.queue, self._buffers.plan, words)
+        return True
 
-    def _plan(self, spp: int) -> NDArray[np.int64]:
-        """The numbers of samples that the next step ends with.
+    def _all_needed(self, spp: int) -> list[float]:
+        """Samples a pixel, on average, that each colour needs.
 
-        Which step follows is a matter of sample counts alone, never of what the samples were.
+        Those that bring the error of the other colour, which says nothing about the samples of
+        one's own, to the target: it is inverse to their number.
         """
-        before, self._goal = self._goal, self._next_goal(spp)
-        if before < allocation.pilot_samples(0):
-            return np.full_like(self.counts, self._goal)
-        level = self._level(before)
-        if level > self._level_reached:
-            self._level_reached, self._goal = level, before
+        if self._target is None or self._goals[0] < allocation.pilot_samples(0):
+            return [float(spp) for _ in self._colours]
+        mean, variance, _ = self._film.read(self._memory)
+        errors = self._target.squared_errors(mean, variance)
+        return [
+            min(float(spp), self._target.needed(errors[other], self.counts[other]))
+            for other in self._colours[::-1]
+        ]
+
+    def _plan(self, before: list[float]) -> NDArray[np.int64]:
+        """The numbers of samples that the next step ends with."""
+        if self._even or before[0] < allocation.pilot_samples(0):
+            return self._shares(np.ones(self.counts.shape))
+        level = allocation.level_of_step(
+            self._level, int(self._buffers.n_levels), min(before), min(self._goals)
+        )
+        if level > self._level:
+            self._level, self._goals = level, before
             return np.maximum(self.counts, allocation.pilot_samples(level))
-        return self._shares(level)
+        pilots = np.empty((*self.counts.shape, 2), np.float32)
+        at = level * pilots.nbytes
+        cl.enqueue_copy(self._memory.device.queue, pilots, self._buffers.pilots, src_offset=at)
+        relative = self._target is not None and self._target.relative
+        return self._shares(allocation.weights(pilots, relative))
 
-    def _next_goal(self, spp: int) -> int:
-        """Samples a pixel, on average, that the next step ends with."""
-        first = allocation.pilot_samples(0)
-        if self._goal < first:
-            return min(first, spp)
-        most = self._goal + MOST_PATHS // self.counts.size
-        return min(math.ceil(STEP_GROWTH * self._goal), most, max(spp, self._goal + 1))
-
-    def _level(self, before: int) -> int:
-        """Level of the pilots that the step rests on.
-
-        A new level wants all pixels to have its samples first, at worst as many more for each as
-        the levels differ by; together that must not be more than the step has.
-        """
-        pilot = allocation.pilot_samples
-        level = self._level_reached
-        while (
-            level + 1 < self._buffers.n_levels
-            and pilot(level + 1) <= allocation.PILOT_SHARE * self._goal
-            and before + pilot(level + 1) - pilot(self._level_reached) <= self._goal
-        ):
-            level += 1
-        return level
-
-    def _shares(self, level: int) -> NDArray[np.int64]:
-        """Numbers in proportion to what the pilots of a level say, each colour by the other's."""
-        shape = (*self.counts.shape, 3)
-        pilots = np.empty(shape, np.float32)
-        cl.enqueue_copy(self._queue, pilots, self._buffers.pilots, src_offset=level * pilots.nbytes)
-        weights = allocation.weights(pilots)
+    def _shares(self, weights: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Numbers in proportion to weights, each colour by itself."""
         counts = self.counts.copy()
-        for mine in (self._colour, ~self._colour):
-            total = self._goal * int(mine.sum())
-            least = allocation.EVEN_SHARE * self._goal
+        for mine, goal in zip(self._colours, self._goals, strict=True):
+            total = round(goal * int(mine.sum()))
+            least = allocation.EVEN_SHARE * goal
             counts[mine] = allocation.allot(weights[mine], counts[mine], total, least)
         return counts
 

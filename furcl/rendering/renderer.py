@@ -16,13 +16,15 @@ from furcl.device import layout
 from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
+from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
+from furcl.rendering.target import Target
 from furcl.rendering.wavefront import QueueLengths
 from furcl.scene.read import with_overrides
-from furcl.scene.tables import Scene
+from furcl.scene.tables import MOST_SPP, Scene
 from furcl.version import software
 
 log = logging.getLogger(__name__)
@@ -51,13 +53,14 @@ class Renderer:
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
     curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    target : Target or None         error at which `advance` stops before it has all samples
 
     Attributes
     ----------
     setup : Setup                   what the scene has on the device; its features, material, film
                                     and wavefront are attributes of the renderer too
     seconds : dict[str, float]      those of the set-up, and render [s]
-    samples_done : int              whole samples a pixel
+    samples_done : int              whole samples a pixel, on average
     rays, shadow_rays : int         rays of all kinds, and those to lights
     hits, misses : int              what the others met: fibres and surfaces, or nothing
     surface_hits : int              hits on surfaces
@@ -74,12 +77,18 @@ class Renderer:
         wave_size: int | None = None,
         specialised: bool = True,
         curves: Curves | Future[Curves] | None = None,
+        target: Target | None = None,
     ) -> None:
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
         self.setup: Setup = set_up(
-            self.memory, scene, wave_size=wave_size, specialised=specialised, curves=curves
+            self.memory,
+            scene,
+            wave_size=wave_size,
+            specialised=specialised,
+            curves=curves,
+            with_target=target is not None,
         )
         self.features = self.setup.features
         self.material = self.setup.material
@@ -87,9 +96,11 @@ class Renderer:
         self.wavefront = self.setup.wavefront
         self.wave_size = self.setup.wave_size
         self.seconds = dict(self.setup.seconds)
+        self.target = target
         self.plan: SamplePlan | None = None
         if self.film.plan:
-            self.plan = SamplePlan(self.memory, self.film.plan, self.film.width, self.film.height)
+            even = scene.render.allocation == "even"
+            self.plan = SamplePlan(self.memory, self.film, even, target)
         self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
         self._forget_counts()
 
@@ -100,7 +111,7 @@ class Renderer:
 
     @property
     def samples_done(self) -> int:
-        """Whole samples that every pixel has."""
+        """Whole samples that every pixel has, on average where they have different numbers."""
         return self.paths_done // self.n_pixels
 
     def restart(self, seed: int) -> None:
@@ -124,19 +135,22 @@ class Renderer:
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> bool:
-        """Add `spp` samples to every pixel.
+        """Add `spp` samples to every pixel, on average where they take different numbers.
 
         Stops between two waves when `time_limit` [s] of rendering is over or `progress` returns
-        true; pixels may then differ by one sample, which the film knows. Returns whether all
-        samples were added.
+        true; pixels may then differ by one sample, with a plan by those of a step, which the film
+        knows. Returns whether all samples were added; with a target, whether it is reached.
         """
-        start, first = time.perf_counter(), self.paths_done
+        start, first, reached = time.perf_counter(), self.paths_done, False
         end = first + spp * self.n_pixels
         try:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
                     break
                 wave, n_pixels = self._next_wave(end)
+                if not n_pixels:
+                    reached = True
+                    break
                 self._trace(wave, n_pixels)
                 if not self.paths_done:
                     self.device.queue.finish()
@@ -144,14 +158,19 @@ class Renderer:
                 self.paths_done += int(wave["n_paths"])
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
                     self._count_lobes()
-                if progress and progress(self.paths_done - first, end - first):
+                expected = self._end_expected(end)
+                if progress and progress(self.paths_done - first, expected - first):
                     break
             self._count_lobes()
             self.device.queue.finish()
         finally:
             passed = time.perf_counter() - start
             self.seconds["render"] = self.seconds.get("render", 0.0) + passed
-        return self.paths_done == end
+        return reached if self.target else self.paths_done == end
+
+    def _end_expected(self, end: int) -> int:
+        """Paths of the whole render, of which there are at most `end`."""
+        return max(self.paths_done, min(end, self.plan.paths_needed)) if self.plan else end
 
     def _trace(self, wave: np.ndarray, n_pixels: int) -> None:
         """One wave, with paths of so many pixels, from the camera to the film.
@@ -212,12 +231,16 @@ class Renderer:
 
     def image(self) -> Image:
         """The picture so far, with its statistics."""
-        mean, variance, _ = self.film.read(self.memory)
+        mean, variance, samples = self.film.read(self.memory)
+        stats = self.stats()
+        stats["error"] = estimated_errors(mean, variance)
+        stats["samples"] = {"min": int(samples.min()), "max": int(samples.max())}
         return Image(
             rgb=mean,
             variance=variance,
-            stats=self.stats(),
+            stats=stats,
             exposure_stops=self.scene.film.exposure_stops,
+            samples=samples,
         )
 
     def stats(self) -> dict:
@@ -233,6 +256,8 @@ class Renderer:
             "seed": self.scene.render.seed,
             "spp": self.samples_done,
             "sampling": self.scene.render.sampling,
+            "allocation": self.scene.render.allocation,
+            "steps": self.plan.steps if self.plan else 1,
             "width": self.film.width,
             "height": self.film.height,
             "segments": self.setup.n_segments,
@@ -269,6 +294,8 @@ def render(
     device: str | Device | None = None,
     progress: Progress | None = None,
     time_limit: float | None = None,
+    target_rmse: float | None = None,
+    target_relmse: float | None = None,
     wave_size: int | None = None,
     curves: Curves | Future[Curves] | None = None,
 ) -> Image:
@@ -277,19 +304,24 @@ def render(
     Parameters
     ----------
     scene : Scene or path of a scene file
-    spp, seed, sampling, max_depth      override those of the scene
+    spp, seed, sampling, max_depth      override those of the scene; spp is the mean over pixels
+                                        where render.allocation is "adaptive"
     device : str or None                index or part of the name; None: FURCL_DEVICE, then the rule
     progress : callable or None         called with (paths done, paths asked for) after every wave;
                                         stops the render by returning true
     time_limit : float or None          stop between waves after this time [s]
+    target_rmse : float or None         stop when the picture's estimated RMSE, of linear radiance,
+                                        is about this; spp, if given, is then the most there may be
+    target_relmse : float or None       the same of relMSE (furcl.image.compare)
     wave_size : int or None             paths traced together; changes no bit of the result; None:
                                         a constant of the kind of device
     curves : Curves, Future or None     the scene's groom, where it is there or on its way
 
     Returns
     -------
-    Image       linear radiance, variance of the mean, stats; stats["complete"] is false where the
-                render was stopped before all samples were taken
+    Image       linear radiance, variance of the mean, samples, stats; stats["complete"] is false
+                where the render was stopped before all samples were taken or the target, which
+                is in stats["target"], was reached; stats["error"] has the errors as estimated
 
     Raises
     ------
@@ -299,8 +331,11 @@ def render(
         from furcl.scene.read import load_scene
 
         scene = load_scene(scene)
+    target = Target.of(target_rmse, target_relmse)
+    if target and spp is None:
+        spp = MOST_SPP
     scene = with_overrides(scene, spp=spp, seed=seed, sampling=sampling, max_depth=max_depth)
-    renderer = Renderer(scene, device, wave_size, curves=curves)
+    renderer = Renderer(scene, device, wave_size, curves=curves, target=target)
     log.info(
         "%s",
         summary(renderer.material, renderer.memory.total_bytes, renderer.seconds["compile"]),
@@ -308,4 +343,5 @@ def render(
     complete = renderer.advance(scene.render.spp, progress, time_limit)
     image = renderer.image()
     image.stats["complete"] = complete
+    image.stats["target"] = target.as_dict() if target else None
     return image

@@ -340,7 +340,7 @@ class Wavefront:
 
     def _launch_film(self, wave: np.ndarray, n: int) -> None:
         plan = self.film.plan
-        planned = [plan.plan, plan.pilots, plan.n_levels, plan.n_rays] if plan else []
+        planned = [plan.plan, plan.pilots, plan.n_levels] if plan else []
         self._launch(
             "add_to_film",
             n,

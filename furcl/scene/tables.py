@@ -30,6 +30,8 @@ from furcl.table import Table
 
 FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
+MOST_SPP = 1 << 20
+
 
 class Film(Table, frozen=True, kw_only=True):
     """Picture size and pixel filter.
@@ -69,7 +71,7 @@ class Render(Table, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    spp : int               samples a pixel
+    spp : int               samples a pixel, on average where allocation is "adaptive"
     seed : int              of the random numbers
     max_depth : int         longest path [bounces]
     sampling : str          how lobe, offset and direction are sampled, or the name of a sampler of
@@ -87,7 +89,7 @@ class Render(Table, frozen=True, kw_only=True):
 
     allowed: ClassVar = {"sampling": samplers.BUILT_IN}
 
-    spp: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
+    spp: Annotated[int, Meta(ge=1, le=MOST_SPP)] = 64
     seed: Annotated[int, Meta(ge=0, le=(1 << 32) - 1)] = 0
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"

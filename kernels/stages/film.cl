@@ -39,20 +39,19 @@ static inline void add_compensated(Spectrum* sum, Spectrum* correction, Spectrum
 #if FURCL_PLANNED
 /* What plans are made of: for a pixel that has FURCL_PILOT_SAMPLES samples, and that times
    FURCL_PILOT_GROWTH, and so on, the variance of a sample, mean of the channels, absolute and over the
-   squared mean radiance, and the rays of a sample. */
+   squared mean radiance. */
 static inline void keep_pilot(
-    __global float* pilots, uint n_levels, uint n_pixels, uint pixel, uint samples, uint n_rays,
-    Spectrum sum, Spectrum squares)
+    __global float* pilots, uint n_levels, uint n_pixels, uint pixel, uint samples, Spectrum sum,
+    Spectrum squares)
 {
     uint level = 0u, at = FURCL_PILOT_SAMPLES;
     while (level < n_levels && at < samples) { level++; at *= FURCL_PILOT_GROWTH; }
     if (level >= n_levels || at != samples) return;
     const Spectrum mean = sum * (1.0f / (float)samples);
     const Spectrum variance = squares * (1.0f / (float)(samples - 1u));
-    __global float* pilot = pilots + 3u * ((size_t)level * n_pixels + pixel);
+    __global float* pilot = pilots + 2u * ((size_t)level * n_pixels + pixel);
     pilot[0] = spectrum_mean(variance);
     pilot[1] = spectrum_mean(variance / (mean * mean + FURCL_RELATIVE_EPSILON));
-    pilot[2] = (float)n_rays / (float)samples;
 }
 #endif
 
@@ -60,7 +59,7 @@ __kernel void add_to_film(
     __global float* state, __global float* film, __global uint* n_samples,
     __global uint* nonfinite, const Wave wave
 #if FURCL_PLANNED
-    , __global const uint* plan, __global float* pilots, const uint n_levels, __global uint* n_rays
+    , __global const uint* plan, __global float* pilots, const uint n_levels
 #endif
     )
 {
@@ -103,8 +102,7 @@ __kernel void add_to_film(
 #endif
         add_compensated(&sum, &sum_correction, radiance);
 #if FURCL_PLANNED
-        n_rays[pixel] += path_uint(paths, PS_RAYS, slot);
-        keep_pilot(pilots, n_levels, n_pixels, pixel, samples + 1u, n_rays[pixel], sum, squares);
+        keep_pilot(pilots, n_levels, n_pixels, pixel, samples + 1u, sum, squares);
 #endif
     }
     spectrum_store(film_place(film, paths, pixel, 0u), sum);

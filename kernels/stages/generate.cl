@@ -21,7 +21,6 @@ __kernel void generate(
     const PixelSample p = planned_sample(plan, &wave, slot);
     set_path_uint(paths, PS_PIXEL, slot, p.index);
     set_path_uint(paths, PS_SAMPLE, slot, p.sample);
-    set_path_uint(paths, PS_RAYS, slot, 1u);
 #else
     const PixelSample p = pixel_of_slot(paths, &wave, slot);
 #endif
