@@ -50,6 +50,7 @@ VALUES = {
     "filter": FILTERS,
     "roulette": (False, True),
     "variance": (False, True),
+    "planned": (False, True),
     "statistics": (False, True),
     "debug": (False,),
 }
@@ -71,7 +72,10 @@ def _text(device, features, stage):
 
 
 def _reachable(values):
-    """Combinations that a scene can have: scattering needs a medulla, colours need channels."""
+    """Combinations that a scene can have: scattering needs a medulla, colours need channels, a plan
+    needs variance."""
+    if values["planned"] and not values["variance"]:
+        return False
     if values["scattered"] and not values["medulla"]:
         return False
     if values["profile_channels"] and not values["scattered"]:
@@ -232,7 +236,10 @@ ABSENT = [
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
-    ({"variance": False}, "add_to_film", ("mean_before",)),
+    ({"variance": False, "planned": False}, "add_to_film", ("mean_before",)),
+    ({"planned": False}, "generate", ("planned_sample(", "PS_SAMPLE")),
+    ({"planned": False}, "shade", ("PS_SAMPLE",)),
+    ({"planned": False}, "add_to_film", ("keep_pilot(", "pilots", "planned_paths(")),
     ({"roulette": False}, "shade", ("throughput /= largest",)),
     ({"sampler": "uniform-h"}, "sample_lobe_h", ("search_remainder(bins",)),
 ]  # fmt: skip
@@ -240,7 +247,10 @@ ABSENT = [
 
 @pytest.mark.parametrize(("changes", "stage", "words"), ABSENT)
 def test_left_out_code_is_absent(device, changes, stage, words):
-    full = {"residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True}
+    full = {
+        "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
+        "planned": True,
+    }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:
         assert word in there, f"{word} is misspelt in this test"

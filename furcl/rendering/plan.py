@@ -50,6 +50,21 @@ class PlanBuffers:
             np.uint32(n_levels),
         )
 
+    def send(
+        self, queue: cl.CommandQueue, starts: NDArray[np.int64], first: NDArray[np.int64]
+    ) -> None:
+        """Make a step the plan: where each pixel's paths start, (pixels + 1,), and with which
+        sample, (pixels,), in tile order."""
+        cl.enqueue_copy(queue, self.plan, np.concatenate([starts, first]).astype(np.uint32))
+
+    def read_pilots(
+        self, queue: cl.CommandQueue, level: int, shape: tuple[int, int]
+    ) -> NDArray[np.float32]:
+        """The pilots of a level, (H, W, 2)."""
+        pilots = np.empty((*shape, 2), np.float32)
+        cl.enqueue_copy(queue, pilots, self.pilots, src_offset=level * pilots.nbytes)
+        return pilots
+
     def clear(self, queue: cl.CommandQueue) -> None:
         """Forget all samples."""
         for buffer in (self.plan, self.pilots):
@@ -76,11 +91,13 @@ class SamplePlan:
     ) -> None:
         if film.plan is None:
             raise ValueError("the film has no buffers of a plan")
-        self._memory, self._film, self._buffers = memory, film, film.plan
+        self._memory, self._queue = memory, memory.device.queue
+        self._film, self._buffers = film, film.plan
         self._even, self._target = even, target
         self._order = tile_order(film.width, film.height)
         colour = allocation.checkerboard(film.height, film.width)
         self._colours = (colour, ~colour) if film.width * film.height > 1 else (colour,)
+        self._others = self._colours[::-1]
         self.counts = np.zeros((film.height, film.width), np.int64)
         self.restart()
 
@@ -130,8 +147,13 @@ class SamplePlan:
 
     def _begin_step(self, spp: int) -> bool:
         """Plan the next step and send it to the device; false if the render has what it needs."""
-        self._needed = self._all_needed(spp)
         before = self._goals
+        # A colour that has what it needed is not asked again, or it would be asked the more often
+        # the longer the other goes on, which is a matter of its own samples.
+        self._needed = [
+            old if 0.0 < old <= goal and self._target else new
+            for old, goal, new in zip(self._needed, before, self._all_needed(spp), strict=True)
+        ]
         if all(a >= b for a, b in zip(before, self._needed, strict=True)):
             return False
         most = MOST_PATHS // self.counts.size
@@ -146,8 +168,7 @@ class SamplePlan:
         self._starts = np.concatenate([[0], np.cumsum(new)])
         self._first = taken.ravel()[self._order]
         self._done = 0
-        words = np.concatenate([self._starts, self._first]).astype(np.uint32)
-        cl.enqueue_copy(self._memory.device.queue, self._buffers.plan, words)
+        self._buffers.send(self._queue, self._starts, self._first)
         return True
 
     def _all_needed(self, spp: int) -> list[float]:
@@ -162,7 +183,7 @@ class SamplePlan:
         errors = self._target.squared_errors(mean, variance)
         return [
             min(float(spp), self._target.needed(errors[other], self.counts[other]))
-            for other in self._colours[::-1]
+            for other in self._others
         ]
 
     def _plan(self, before: list[float]) -> NDArray[np.int64]:
@@ -175,9 +196,7 @@ class SamplePlan:
         if level > self._level:
             self._level, self._goals = level, before
             return np.maximum(self.counts, allocation.pilot_samples(level))
-        pilots = np.empty((*self.counts.shape, 2), np.float32)
-        at = level * pilots.nbytes
-        cl.enqueue_copy(self._memory.device.queue, pilots, self._buffers.pilots, src_offset=at)
+        pilots = self._buffers.read_pilots(self._queue, level, self.counts.shape)
         relative = self._target is not None and self._target.relative
         return self._shares(allocation.weights(pilots, relative))
 

@@ -73,6 +73,7 @@ def everything_on(features: Features) -> Features:
         lens=True,
         roulette=True,
         variance=True,
+        planned=True,
         statistics=True,
     )
 
