@@ -14,7 +14,8 @@ from furcl.scene.read import with_overrides
 
 
 def _scene(size=(24, 16), **render):
-    scene = fur_patch(allocation="adaptive", light_sampling="mis", **{"spp": 20, **render})
+    fibre = {"preset": "human-black"}
+    scene = fur_patch(fibre, allocation="adaptive", light_sampling="mis", **{"spp": 20, **render})
     return with_overrides(scene, size=size)
 
 
@@ -99,7 +100,7 @@ def test_a_plan_of_equal_numbers_is_an_even_render(device):
 
 
 def test_samples_go_where_errors_are(device):
-    """More of them, and a smaller error in all for as many: measured 0.57 of the even MSE."""
+    """More of them, and a smaller error in all for as many: measured 0.70 of the even MSE."""
     scene = _scene(spp=64)
     image = furcl.render(scene, device=device)
     even = furcl.render(with_overrides(scene, ["render.allocation=even"]), device=device)
@@ -107,7 +108,7 @@ def test_samples_go_where_errors_are(device):
     noisy = deviation > np.median(deviation)
     assert image.samples[noisy].mean() > 1.5 * image.samples[~noisy].mean()
     ratio = image.stats["error"]["rmse"]["estimate"] / even.stats["error"]["rmse"]["estimate"]
-    assert ratio**2 < 0.8
+    assert ratio**2 < 0.85
 
 
 @pytest.mark.parametrize("allocation", ["even", "adaptive"])
@@ -115,7 +116,7 @@ def test_a_target_ends_a_render(device, allocation):
     """The estimate is near it; samples that were asked for limit it."""
     scene = with_overrides(_scene(), [f"render.allocation={allocation}"])
     spent = {}
-    for target in (0.06, 0.03):
+    for target in (0.02, 0.01):
         image = furcl.render(scene, device=device, target_rmse=target)
         assert image.stats["complete"]
         assert image.stats["target"] == {"rmse": target}
@@ -123,12 +124,12 @@ def test_a_target_ends_a_render(device, allocation):
         assert error["estimate"] == pytest.approx(target, rel=0.15)
         assert error["low"] < error["estimate"] < error["high"]
         spent[target] = image.samples.mean()
-    assert spent[0.03] > 2.5 * spent[0.06]
+    assert spent[0.01] > 2.5 * spent[0.02]
     limited = furcl.render(scene, spp=5, device=device, target_rmse=1e-6)
     assert not limited.stats["complete"]
     assert limited.samples.mean() == 5
-    relative = furcl.render(scene, device=device, target_relmse=0.05)
-    assert relative.stats["error"]["relmse"]["estimate"] == pytest.approx(0.05, rel=0.3)
+    relative = furcl.render(scene, device=device, target_relmse=0.02)
+    assert relative.stats["error"]["relmse"]["estimate"] == pytest.approx(0.02, rel=0.3)
 
 
 @pytest.mark.parametrize(
