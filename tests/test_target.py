@@ -1,11 +1,14 @@
 """Renders to a target error: what they reach, that they bias nothing, and what they say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from direction_statistics import sidak
-from host_plan import rendered
+from host_plan import HostFilm, rendered
 from scipy import stats
 
+from furcl.device.layout import struct_dtype
 from furcl.errors import SceneError
 from furcl.image.error import estimated_errors
 from furcl.rendering.plan import SamplePlan
@@ -115,3 +118,18 @@ def test_two_targets_are_refused():
     with pytest.raises(SceneError, match="two targets; allowed is one"):
         Target.of(0.1, 0.1)
     assert Target.of(None, None) is None
+
+
+def test_more_samples_may_be_asked_for_later(rng):
+    """A render that ran out of samples goes on to its target."""
+    values, _ = _samples(rng, (16, 16), 1000)
+    memory = SimpleNamespace(device=SimpleNamespace(queue=None))
+    film = HostFilm(values)
+    plan = SamplePlan(memory, film, True, Target(0.2, False))
+    wave = np.zeros((), struct_dtype("Wave"))
+    for spp in (10, 1000):
+        while film.counts.sum() < spp * 256 and plan.cut(wave, 1 << 40, spp):
+            film.counts = plan.counts
+        assert spp != 10 or film.counts.sum() == 2560
+    assert 30 < film.counts.mean() < 120
+    assert not plan.cut(wave, 1 << 40, 1000)

@@ -107,11 +107,11 @@ def _smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:
     for axis in (0, 1):
         width = [(0, 0), (0, 0)]
         width[axis] = (REACH_PX, REACH_PX)
-        padded = np.pad(values, width)
-        n = values.shape[axis]
-        values = sum(
-            w * np.take(padded, np.arange(k, k + n), axis=axis) for k, w in enumerate(weights)
-        )  # pyright: ignore[reportAssignmentType]
+        padded, n = np.pad(values, width), values.shape[axis]
+        values = np.zeros_like(values)
+        for k, weight in enumerate(weights):
+            part = slice(k, k + n)
+            values += weight * (padded[part] if axis == 0 else padded[:, part])
     return values
 
 

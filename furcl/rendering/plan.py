@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -105,11 +106,13 @@ class SamplePlan:
         """Forget all samples."""
         self.counts[:] = 0
         self.steps = 0
-        # Samples a pixel, on average, that the step under way ends with and that the render needs,
-        # each for both colours.
+        # Samples a pixel, on average: that the step under way ends with, that the target needs and
+        # that the render ends with; each for both colours.
         self._goals = [0.0 for _ in self._colours]
-        self._needed = list(self._goals)
+        self._needed = [math.inf for _ in self._colours]
+        self._ends = list(self._goals)
         self._level = 0
+        self._weights: NDArray[np.float64] | None = None
         self._starts = np.zeros(self.counts.size + 1, np.int64)
         self._first = np.zeros(self.counts.size, np.int64)
         self._done = 0
@@ -118,7 +121,7 @@ class SamplePlan:
     def paths_needed(self) -> int:
         """Paths of the whole render, as far as is known."""
         sizes = [int(colour.sum()) for colour in self._colours]
-        return round(sum(n * size for n, size in zip(self._needed, sizes, strict=True)))
+        return round(sum(n * size for n, size in zip(self._ends, sizes, strict=True)))
 
     def cut(self, wave: np.ndarray, most: int, spp: int) -> int:
         """Fill in which paths a wave holds: the next of the step, or of a new one.
@@ -148,18 +151,15 @@ class SamplePlan:
     def _begin_step(self, spp: int) -> bool:
         """Plan the next step and send it to the device; false if the render has what it needs."""
         before = self._goals
-        # A colour that has what it needed is not asked again, or it would be asked the more often
-        # the longer the other goes on, which is a matter of its own samples.
-        self._needed = [
-            old if 0.0 < old <= goal and self._target else new
-            for old, goal, new in zip(self._needed, before, self._all_needed(spp), strict=True)
-        ]
-        if all(a >= b for a, b in zip(before, self._needed, strict=True)):
+        if self._target and before[0] >= allocation.pilot_samples(0):
+            self._ask_what_is_needed(self._target)
+        self._ends = [min(float(spp), needed) for needed in self._needed]
+        if all(goal >= end for goal, end in zip(before, self._ends, strict=True)):
             return False
         most = MOST_PATHS // self.counts.size
         self._goals = [
-            max(goal, min(needed, goal + most, allocation.next_goal(goal)))
-            for goal, needed in zip(before, self._needed, strict=True)
+            max(goal, min(end, goal + most, allocation.next_goal(goal)))
+            for goal, end in zip(before, self._ends, strict=True)
         ]
         taken = self.counts
         self.counts = self._plan(before)
@@ -171,19 +171,18 @@ class SamplePlan:
         self._buffers.send(self._queue, self._starts, self._first)
         return True
 
-    def _all_needed(self, spp: int) -> list[float]:
-        """Samples a pixel, on average, that each colour needs.
+    def _ask_what_is_needed(self, target: Target) -> None:
+        """Samples a pixel, on average, that each colour needs: those that bring the error of the
+        other colour, which says nothing of one's own samples, to the target.
 
-        Those that bring the error of the other colour, which says nothing about the samples of
-        one's own, to the target: it is inverse to their number.
+        A colour that has what it needed is not asked again, or it would be asked the more often
+        the longer the other goes on, which is a matter of its own samples.
         """
-        if self._target is None or self._goals[0] < allocation.pilot_samples(0):
-            return [float(spp) for _ in self._colours]
         mean, variance, _ = self._film.read(self._memory)
-        errors = self._target.squared_errors(mean, variance)
-        return [
-            min(float(spp), self._target.needed(errors[other], self.counts[other]))
-            for other in self._others
+        errors = target.squared_errors(mean, variance)
+        self._needed = [
+            needed if needed <= goal else target.needed(errors[other], self.counts[other])
+            for needed, goal, other in zip(self._needed, self._goals, self._others, strict=True)
         ]
 
     def _plan(self, before: list[float]) -> NDArray[np.int64]:
@@ -194,11 +193,13 @@ class SamplePlan:
             self._level, int(self._buffers.n_levels), min(before), min(self._goals)
         )
         if level > self._level:
-            self._level, self._goals = level, before
+            self._level, self._goals, self._weights = level, before, None
             return np.maximum(self.counts, allocation.pilot_samples(level))
-        pilots = self._buffers.read_pilots(self._queue, level, self.counts.shape)
-        relative = self._target is not None and self._target.relative
-        return self._shares(allocation.weights(pilots, relative))
+        if self._weights is None:
+            pilots = self._buffers.read_pilots(self._queue, level, self.counts.shape)
+            relative = self._target is not None and self._target.relative
+            self._weights = allocation.weights(pilots, relative)
+        return self._shares(self._weights)
 
     def _shares(self, weights: NDArray[np.float64]) -> NDArray[np.int64]:
         """Numbers in proportion to weights, each colour by itself."""
