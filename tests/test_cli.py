@@ -111,13 +111,14 @@ def test_render_passes_options(scene: Path, fake_render: FakeRender, tmp_path: P
     out, stats = tmp_path / "new" / "out.exr", tmp_path / "stats.json"
     options = ["--spp", 5, "--seed", 7, "--size", "6x4", "--sampling", "uniform-h"]
     options += ["--max-depth", 9, "--device", "some", "--time-limit", 2.5, "--stats", stats]
-    options += ["--set", "curves.radius_scale=2"]
+    options += ["--set", "curves.radius_scale=2", "--target-rmse", 0.5]
     assert run("render", scene, "-o", out, *options) == 0
     given = fake_render.given
     render, film = given["scene"].render, given["scene"].film
     assert (render.spp, render.seed, render.sampling, render.max_depth) == (5, 7, "uniform-h", 9)
     assert (film.width, film.height, given["scene"].curves.radius_scale) == (6, 4, 2)
     assert (given["device"], given["time_limit"]) == ("some", 2.5)
+    assert (given["spp"], given["target_rmse"], given["target_relmse"]) == (5, 0.5, None)
     assert not fake_render.stopped
     assert Image.load(out).rgb.shape == (2, 3, 3)
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")

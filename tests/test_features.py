@@ -51,6 +51,7 @@ VALUES = {
     "sequence": SEQUENCES,
     "roulette": (False, True),
     "variance": (False, True),
+    "planned": (False, True),
     "statistics": (False, True),
     "debug": (False,),
 }
@@ -72,7 +73,10 @@ def _text(device, features, stage):
 
 
 def _reachable(values):
-    """Combinations that a scene can have: scattering needs a medulla, colours need channels."""
+    """Combinations that a scene can have: scattering needs a medulla, colours need channels, a plan
+    needs variance."""
+    if values["planned"] and not values["variance"]:
+        return False
     if values["scattered"] and not values["medulla"]:
         return False
     if values["profile_channels"] and not values["scattered"]:
@@ -233,7 +237,10 @@ ABSENT = [
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
-    ({"variance": False}, "add_to_film", ("mean_before",)),
+    ({"variance": False, "planned": False}, "add_to_film", ("mean_before",)),
+    ({"planned": False}, "generate", ("planned_sample(", "PS_SAMPLE")),
+    ({"planned": False}, "shade", ("PS_SAMPLE",)),
+    ({"planned": False}, "add_to_film", ("keep_pilot(", "pilots", "planned_paths(")),
     ({"roulette": False}, "shade", ("throughput /= largest",)),
     ({"sampler": "uniform-h"}, "sample_lobe_h", ("search_remainder(bins",)),
     ({"sequence": "independent"}, "generate", ("sobol_point(", "0x3d20adea")),
@@ -245,7 +252,7 @@ ABSENT = [
 def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
-        "sequence": "sobol",
+        "sequence": "sobol", "planned": True,
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

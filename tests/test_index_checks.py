@@ -46,7 +46,7 @@ def test_a_debug_render_is_the_same_picture(device, renderer, monkeypatch):
 
 def _generate(renderer):
     """A wave up to its camera rays."""
-    wave = renderer._next_wave(renderer.n_pixels)
+    wave, _ = renderer._next_wave(renderer.n_pixels)
     return wave, renderer.wavefront.generate(wave)
 
 

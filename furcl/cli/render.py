@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -43,6 +43,13 @@ def render(
     time_limit: Annotated[
         float | None, typer.Option(help="Stop after so many seconds and write what is there.")
     ] = None,
+    target_rmse: Annotated[
+        float | None,
+        typer.Option(help="Stop at this RMSE of linear radiance, as estimated; --spp limits it."),
+    ] = None,
+    target_relmse: Annotated[
+        float | None, typer.Option(help="Stop at this relMSE, as estimated; --spp limits it.")
+    ] = None,
     stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
     wave_size: WaveSize = None,
     overrides: Overrides = None,
@@ -79,10 +86,13 @@ def render(
 
                 image = render_scene(
                     loaded,
+                    spp=spp,
                     curves=curves,
                     device=device,
                     progress=progress,
                     time_limit=time_limit,
+                    target_rmse=target_rmse,
+                    target_relmse=target_relmse,
                     wave_size=wave_size,
                 )
         written = [output, output.with_suffix(".png")]
@@ -90,15 +100,29 @@ def render(
             image.save(path)
         if stats:
             _write_json(image.stats, stats)
-    done = image.stats.get("spp", loaded.render.spp)
-    if done < loaded.render.spp:
-        log.warning("stopped early: %s of %s samples a pixel", done, loaded.render.spp)
+    _tell_what_was_reached(image.stats, loaded.render.spp)
     log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
     empty = image.stats.get("pixels_without_samples", 0)
     if empty:
         log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
     if interrupt.requested:
         raise interrupt.exit()
+
+
+def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
+    """Log the error of a render with a target; warn of one that was stopped."""
+    done = stats.get("spp", spp)
+    if target := stats.get("target"):
+        [(name, value)] = target.items()
+        error = (stats["error"] or {}).get(name)
+        found = "{estimate:.3g} ({low:.3g} to {high:.3g})".format(**error) if error else "unknown"
+        log.log(
+            logging.INFO if stats["complete"] else logging.WARNING,
+            f"{'reached' if stats['complete'] else 'stopped early at'} {name} {found} of "
+            f"{value:.3g} with {done} samples a pixel",
+        )
+    elif done < spp:
+        log.warning("stopped early: %s of %s samples a pixel", done, spp)
 
 
 def _check_outputs(output: Path, stats: Path | None) -> None:

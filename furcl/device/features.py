@@ -60,6 +60,7 @@ class Features:
     sequence : str              of random numbers, one of layout.SEQUENCES
     roulette : bool             Russian roulette within the depth limit
     variance : bool             film keeps second moments
+    planned : bool              a plan says how many samples each pixel takes
     statistics : bool           counters of lobes and path lengths
     debug : bool                index checks in every buffer access that has one
     """
@@ -76,6 +77,7 @@ class Features:
     sequence: str = "independent"
     roulette: bool = True
     variance: bool = True
+    planned: bool = False
     statistics: bool = True
     debug: bool = False
 

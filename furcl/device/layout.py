@@ -70,6 +70,13 @@ MARGINAL_PHIS = 65
 MARGINAL_OFFSETS = 128
 MARGINAL_PARTS = 8
 
+# Of plans how many samples each pixel takes: the numbers of samples after which a pixel's variance
+# is kept are PILOT_SAMPLES and that times powers of PILOT_GROWTH (furcl/rendering/allocation.py).
+PILOT_SAMPLES = 4
+PILOT_GROWTH = 4
+# Added to the squared radiance that relative errors are over (furcl.image.compare.relmse).
+RELATIVE_EPSILON = 0.01
+
 
 def block_bytes(row: int) -> slice:
     """The bytes of a row in a block of the tree, one a lane: row 2 axis + end, or ROW_RADIUS."""
@@ -103,6 +110,8 @@ def _constants() -> dict[str, str]:
         "CHECK_FILE_BYTES": 4 * (CHECK_WORDS - CHECK_FILE),
         "STATE_BLOCK": STATE_BLOCK,
         "BLOCK_BOXES": BLOCK_BOXES,
+        "PILOT_SAMPLES": PILOT_SAMPLES,
+        "PILOT_GROWTH": PILOT_GROWTH,
     }
     numbers = {
         "BVH_WIDTH": BVH_WIDTH,
@@ -127,6 +136,7 @@ def _constants() -> dict[str, str]:
         **{f"MATERIAL_{name.upper()}": f"{i}u" for i, name in enumerate(MATERIALS)},
         **{f"FILTER_{name.upper()}": str(i) for i, name in enumerate(FILTERS)},
         "GRID_MARGIN": hex_float(GRID_MARGIN),
+        "RELATIVE_EPSILON": hex_float(RELATIVE_EPSILON),
     }
 
 
@@ -209,6 +219,8 @@ PATH_STATE = (
     Plane("ORIGIN", 3),
     Plane("DIR", 3),  # unit
     Plane("FROM_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
+    Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
+    Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
     Plane("HIT_T", 1, lambda f: f.surface is not None),  # fibres need HIT_U alone
     Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or SURFACE_HIT
     Plane("HIT_U", 1),  # along the segment, 0..1

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from furcl.device.layout import RELATIVE_EPSILON
 from furcl.errors import ImageError
 from furcl.image.colour import luminance
 from furcl.image.image import Image
 
-REL_EPSILON = 0.01
+REL_EPSILON = RELATIVE_EPSILON
 # The value that HDR-FLIP's tone map shows at 0.85 of white.
 FLIP_WHITE = 2.119
 

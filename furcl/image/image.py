@@ -37,10 +37,11 @@ class Image:
     rgb : (H, W, 3) float32         mean of the samples, row 0 on top
     variance : (H, W, 3) float32    variance of that mean (sample variance over spp), or None if
                                     unknown; with the sequence "sobol" an upper bound of it
+    samples : (H, W) uint32         samples of each pixel, or None if unknown. EXR files have them
+                                    where they differ, with the channel `error`, and A, 1 where
+                                    there are any, where some pixels have none
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
-    samples : (H, W) uint32         of every pixel, where some have none; else None. EXR files then
-                                    have the channels `samples` and A, 1 where there are any
     """
 
     rgb: NDArray[np.float32]
@@ -59,8 +60,8 @@ class Image:
             )
         if self.samples is not None and self.samples.shape != self.rgb.shape[:2]:
             raise ImageError(
-                f"samples has the shape {self.samples.shape}; expected that of the pixels, "
-                f"{self.rgb.shape[:2]}"
+                f"samples has the shape {self.samples.shape}; expected {self.rgb.shape[:2]}, one "
+                f"number a pixel"
             )
 
     def __repr__(self) -> str:
@@ -83,11 +84,19 @@ class Image:
         """Rows."""
         return self.rgb.shape[0]
 
+    @property
+    def standard_error(self) -> NDArray[np.float32] | None:
+        """Root of the variance, mean of the channels, (H, W); None if unknown."""
+        if self.variance is None:
+            return None
+        return np.sqrt(self.variance.mean(axis=2, dtype=np.float64)).astype(np.float32)
+
     @classmethod
     def load(cls, path: str | Path) -> Image:
         """Read a picture from an OpenEXR file with channels R, G, B (or Y).
 
-        The variance is read where there is one, and the statistics where furcl wrote the file.
+        The variance is read where there is one, and so are the numbers of samples, and the
+        statistics where furcl wrote the file.
 
         Raises
         ------
@@ -112,14 +121,15 @@ class Image:
                 f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
                 f"save the picture again"
             ) from None
-        samples = channels.get("samples")
-        if samples is not None:
-            samples = samples.astype(np.uint32)
+        samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
         return cls(rgb_of(channels, header, path), variance, stats, samples=samples)
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
         `exposure_stops`).
+
+        Where pixels have different numbers of samples, the .exr has the layers `samples` and
+        `error`, which is the standard error; else `spp` in the header says it all.
 
         The file appears whole or not at all; an older one of that name is kept until then.
 
@@ -161,9 +171,13 @@ class Image:
         channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
         if self.variance is not None:
             channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
-        if self.samples is not None:
-            channels["A"] = np.asarray(self.samples > 0, np.float32)
-            channels["samples"] = np.asarray(self.samples, np.float32)
+        fewest, most = (0, 0) if self.samples is None else (self.samples.min(), self.samples.max())
+        if self.samples is not None and (fewest == 0 or fewest < most):
+            channels["samples"] = self.samples.astype(np.float32)
+            if self.standard_error is not None:
+                channels["error"] = self.standard_error
+        if self.samples is not None and fewest == 0:
+            channels["A"] = (self.samples > 0).astype(np.float32)
         return channels
 
 

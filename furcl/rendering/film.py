@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from furcl.device.features import Features
 from furcl.device.memory import Memory, fill
+from furcl.rendering.plan import PlanBuffers
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +22,7 @@ class Film:
     sums : Buffer           float32, (height, width, 4 or, without variance, 2, channels)
     n_samples : Buffer      uint32 samples added to each pixel
     nonfinite : Buffer      one uint32: samples that were NaN or infinite
+    plan : PlanBuffers or None      where a plan says how many samples each pixel takes
     """
 
     width: int
@@ -29,10 +31,11 @@ class Film:
     sums: cl.Buffer
     n_samples: cl.Buffer
     nonfinite: cl.Buffer
+    plan: PlanBuffers | None = None
 
     @staticmethod
-    def allocate(memory: Memory, width: int, height: int, features: Features) -> Film:
-        """An empty film.
+    def allocate(memory: Memory, width: int, height: int, features: Features, spp: int = 1) -> Film:
+        """An empty film, which may be meant for `spp` samples a pixel.
 
         Raises
         ------
@@ -47,12 +50,15 @@ class Film:
             memory.allocate("film", 4 * n_sums * n_pixels, zero=True),
             memory.allocate("film samples", 4 * n_pixels, zero=True),
             memory.allocate("nonfinite", 16, zero=True),
+            PlanBuffers.allocate(memory, n_pixels, spp) if features.planned else None,
         )
 
     def clear(self, queue: cl.CommandQueue) -> None:
         """Take all samples back out."""
         for buffer in (self.sums, self.n_samples, self.nonfinite):
             fill(queue, buffer, 0, buffer.size)
+        if self.plan:
+            self.plan.clear(queue)
 
     def read(self, memory: Memory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean radiance, variance of that mean and samples of every pixel.

@@ -16,13 +16,16 @@ from furcl.device import layout
 from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
+from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.rendering.arguments import check_curves, check_stops
+from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
+from furcl.rendering.target import Target
 from furcl.rendering.wavefront import QueueLengths
 from furcl.scene.read import with_overrides
-from furcl.scene.tables import Scene
+from furcl.scene.tables import MOST_SPP, Scene
 from furcl.version import software
 
 log = logging.getLogger(__name__)
@@ -51,13 +54,14 @@ class Renderer:
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
     curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    target : Target or None         error at which `advance` stops before it has all samples
 
     Attributes
     ----------
     setup : Setup                   what the scene has on the device; its features, material, film
                                     and wavefront are attributes of the renderer too
     seconds : dict[str, float]      those of the set-up, and render [s]
-    samples_done : int              whole samples a pixel
+    samples_done : int              whole samples a pixel, on average
     rays, shadow_rays : int         rays of all kinds, and those to lights
     hits, misses : int              what the others met: fibres and surfaces, or nothing
     surface_hits : int              hits on surfaces
@@ -74,13 +78,19 @@ class Renderer:
         wave_size: int | None = None,
         specialised: bool = True,
         curves: Curves | Future[Curves] | None = None,
+        target: Target | None = None,
     ) -> None:
         check_curves(curves)
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
         self.setup: Setup = set_up(
-            self.memory, scene, wave_size=wave_size, specialised=specialised, curves=curves
+            self.memory,
+            scene,
+            wave_size=wave_size,
+            specialised=specialised,
+            curves=curves,
+            with_target=target is not None,
         )
         self.features = self.setup.features
         self.material = self.setup.material
@@ -88,6 +98,11 @@ class Renderer:
         self.wavefront = self.setup.wavefront
         self.wave_size = self.setup.wave_size
         self.seconds = dict(self.setup.seconds)
+        self.target = target
+        self.plan: SamplePlan | None = None
+        if self.film.plan:
+            even = scene.render.allocation == "even"
+            self.plan = SamplePlan(self.memory, self.film, even, target)
         self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
         self._forget_counts()
 
@@ -98,13 +113,15 @@ class Renderer:
 
     @property
     def samples_done(self) -> int:
-        """Whole samples that every pixel has."""
+        """Whole samples that every pixel has, on average where they have different numbers."""
         return self.paths_done // self.n_pixels
 
     def restart(self, seed: int) -> None:
         """Forget all samples and their statistics; the next ones have another seed."""
         self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
+        if self.plan:
+            self.plan.restart()
         self._forget_counts()
         self.seconds.pop("render", None)
 
@@ -120,37 +137,45 @@ class Renderer:
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> bool:
-        """Add `spp` samples to every pixel.
+        """Add `spp` samples to every pixel, on average where they take different numbers.
 
         Stops between two waves when `time_limit` [s] of rendering is over or `progress` returns
-        true; pixels may then differ by one sample, which the film knows. Returns whether all
-        samples were added.
+        true; pixels may then differ by one sample, with a plan by those of a step, which the film
+        knows. Returns whether all samples were added; with a target, whether it is reached.
         """
-        start, first = time.perf_counter(), self.paths_done
+        start, first, reached = time.perf_counter(), self.paths_done, False
         end = first + spp * self.n_pixels
         try:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
                     break
-                wave = self._next_wave(end)
-                self._trace(wave)
+                wave, n_pixels = self._next_wave(end)
+                if not n_pixels:
+                    reached = True
+                    break
+                self._trace(wave, n_pixels)
                 if not self.paths_done:
                     self.device.queue.finish()
                     log.debug(FIRST_SAMPLES)
                 self.paths_done += int(wave["n_paths"])
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
                     self._count_lobes()
-                if progress and progress(self.paths_done - first, end - first):
+                expected = self._end_expected(end)
+                if progress and progress(self.paths_done - first, expected - first):
                     break
             self._count_lobes()
             self.device.queue.finish()
         finally:
             passed = time.perf_counter() - start
             self.seconds["render"] = self.seconds.get("render", 0.0) + passed
-        return self.paths_done == end
+        return reached if self.target else self.paths_done == end
 
-    def _trace(self, wave: np.ndarray) -> None:
-        """One wave from the camera to the film.
+    def _end_expected(self, end: int) -> int:
+        """Paths of the whole render, of which there are at most `end`."""
+        return max(self.paths_done, min(end, self.plan.paths_needed)) if self.plan else end
+
+    def _trace(self, wave: np.ndarray, n_pixels: int) -> None:
+        """One wave, with paths of so many pixels, from the camera to the film.
 
         The host is one bounce ahead of the device: a bounce is launched over as many paths as the
         bounce before it began with, and the device, which knows better, never waits for the host.
@@ -170,7 +195,7 @@ class Renderer:
                 active = self._count_rays(before)
                 if not active:
                     break
-        stages.add_to_film(wave)
+        stages.add_to_film(wave, n_pixels)
         if lengths:
             self._count_rays(lengths)
 
@@ -192,31 +217,36 @@ class Renderer:
             self.lobe_counts += self.wavefront.read_lobe_counts()
         self._rays_with_lobes = self.rays
 
-    def _next_wave(self, end: int) -> np.ndarray:
-        """The struct Wave of the paths from `paths_done` on."""
-        sample, pixel = divmod(self.paths_done, self.n_pixels)
+    def _next_wave(self, end: int) -> tuple[np.ndarray, int]:
+        """The struct Wave of the paths from `paths_done` on, and the number of their pixels."""
         wave = np.zeros((), layout.struct_dtype("Wave"))
         wave["width"], wave["height"] = self.film.width, self.film.height
-        wave["first_pixel"], wave["first_sample"] = pixel, sample
-        wave["n_paths"] = min(self.wave_size.paths, end - self.paths_done)
         wave["n_slots"] = self.wavefront.n_slots
         wave["seed"] = self.scene.render.seed
         wave["roulette_depth"] = self.scene.render.roulette_depth
-        return wave
+        n_paths = min(self.wave_size.paths, end - self.paths_done)
+        if self.plan:
+            return wave, self.plan.cut(wave, n_paths, -(-end // self.n_pixels))
+        wave["first_sample"], wave["first_pixel"] = divmod(self.paths_done, self.n_pixels)
+        wave["n_paths"] = n_paths
+        return wave, min(n_paths, self.n_pixels)
 
     def image(self) -> Image:
         """The picture so far, with its statistics; pixels without samples are 0."""
         mean, variance, samples = self.film.read(self.memory)
         empty = samples == 0
-        n_empty = int(empty.sum())
-        for values in (mean, variance) if n_empty else ():
-            values[empty] = 0.0
+        if empty.any():
+            mean[empty] = variance[empty] = 0.0
+        stats = self.stats()
+        stats["error"] = estimated_errors(mean, variance)
+        stats["samples"] = {"min": int(samples.min()), "max": int(samples.max())}
+        stats["pixels_without_samples"] = int(empty.sum())
         return Image(
             rgb=mean,
             variance=variance,
-            stats={**self.stats(), "pixels_without_samples": n_empty},
+            stats=stats,
             exposure_stops=self.scene.film.exposure_stops,
-            samples=samples if n_empty else None,
+            samples=samples,
         )
 
     def stats(self) -> dict:
@@ -233,6 +263,8 @@ class Renderer:
             "spp": self.samples_done,
             "sampling": self.scene.render.sampling,
             "sequence": self.features.sequence,
+            "allocation": self.scene.render.allocation,
+            "steps": self.plan.steps if self.plan else 1,
             "width": self.film.width,
             "height": self.film.height,
             "segments": self.setup.n_segments,
@@ -269,6 +301,8 @@ def render(
     device: str | Device | None = None,
     progress: Progress | None = None,
     time_limit: float | None = None,
+    target_rmse: float | None = None,
+    target_relmse: float | None = None,
     wave_size: int | None = None,
     curves: Curves | Future[Curves] | None = None,
 ) -> Image:
@@ -277,19 +311,24 @@ def render(
     Parameters
     ----------
     scene : Scene or path of a scene file
-    spp, seed, sampling, max_depth      override those of the scene
+    spp, seed, sampling, max_depth      override those of the scene; spp is the mean over pixels
+                                        where render.allocation is "adaptive"
     device : str or None                index or part of the name; None: FURCL_DEVICE, then the rule
     progress : callable or None         called with (paths done, paths asked for) after every wave;
                                         stops the render by returning true
     time_limit : float or None          stop between waves after this time [s]
+    target_rmse : float or None         stop when the picture's estimated RMSE, of linear radiance,
+                                        is about this; spp, if given, is then the most there may be
+    target_relmse : float or None       the same of relMSE (furcl.image.compare)
     wave_size : int or None             paths traced together; changes no bit of the result; None:
                                         a constant of the kind of device
     curves : Curves, Future or None     the scene's groom, where it is there or on its way
 
     Returns
     -------
-    Image       linear radiance, variance of the mean, stats; stats["complete"] is false where the
-                render was stopped before all samples were taken
+    Image       linear radiance, variance of the mean, samples, stats; stats["complete"] is false
+                where the render was stopped before all samples were taken or the target, which
+                is in stats["target"], was reached; stats["error"] has the errors as estimated
 
     Raises
     ------
@@ -300,8 +339,11 @@ def render(
         from furcl.scene.read import load_scene
 
         scene = load_scene(scene)
+    target = Target.of(target_rmse, target_relmse)
+    if target and spp is None:
+        spp = MOST_SPP
     scene = with_overrides(scene, spp=spp, seed=seed, sampling=sampling, max_depth=max_depth)
-    renderer = Renderer(scene, device, wave_size, curves=curves)
+    renderer = Renderer(scene, device, wave_size, curves=curves, target=target)
     log.info(
         "%s",
         summary(renderer.material, renderer.memory.total_bytes, renderer.seconds["compile"]),
@@ -309,4 +351,5 @@ def render(
     complete = renderer.advance(scene.render.spp, progress, time_limit)
     image = renderer.image()
     image.stats["complete"] = complete
+    image.stats["target"] = target.as_dict() if target else None
     return image

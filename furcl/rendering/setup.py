@@ -76,6 +76,7 @@ def set_up(
     wave_size: int | None = None,
     specialised: bool = True,
     curves: Curves | Future[Curves] | None = None,
+    with_target: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
 
@@ -88,7 +89,7 @@ def set_up(
     timed = Timer()
     light = scene.build_light()
     fibre = scene.build_fibre()
-    features = scene_features(scene, fibre, light)
+    features = scene_features(scene, fibre, light, with_target)
     if not specialised:
         features = everything_on(features)
 
@@ -117,7 +118,9 @@ def set_up(
         grown = groom.result()
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
-        film = Film.allocate(memory, scene.film.width, scene.film.height, features)
+        film = Film.allocate(
+            memory, scene.film.width, scene.film.height, features, scene.render.spp
+        )
         with timed("compile"):
             wavefront = _wavefront(memory, scene, features, material, light, film, grown, size)
         built = tree.result()

@@ -14,17 +14,26 @@ from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
 
 
-def scene_features(scene: Scene, fibre: Any, light: Light) -> Features:
+def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = False) -> Features:
     """What the kernels of a scene, with what is built from it, need, whatever the groom is.
 
     The light is sampled (MIS) where `light_sampling` says so, and by "auto" unless every direction
-    is worth the same. With FURCL_DEBUG=1 in the environment kernels check their indices.
+    is worth the same. Adaptive allocation and target errors need plans. With FURCL_DEBUG=1 in the
+    environment kernels check their indices.
 
     Raises
     ------
-    SceneError      light_sampling = "bcsdf" with a light that only light samples can find
+    SceneError      light_sampling = "bcsdf" with a light that only light samples can find; a plan
+                    without variance
     """
     render = scene.render
+    planned = with_target or render.allocation == "adaptive"
+    if planned and not render.variance:
+        wants = "a target error" if with_target else "render.allocation = 'adaptive'"
+        raise SceneError(
+            f"scene {scene.name!r}: render.variance = false: {wants} needs the variance; set it to "
+            f"true or leave it out"
+        )
     if render.light_sampling == "bcsdf" and not light.at_infinity:
         raise SceneError(
             f"scene {scene.name!r}: render.light_sampling = 'bcsdf' never finds a light of kind "
@@ -45,6 +54,7 @@ def scene_features(scene: Scene, fibre: Any, light: Light) -> Features:
         sequence=render.sequence,
         roulette=render.roulette_depth < render.max_depth,
         variance=render.variance,
+        planned=planned,
         statistics=render.statistics,
         debug=switched_on("FURCL_DEBUG"),
     )
@@ -64,6 +74,7 @@ def everything_on(features: Features) -> Features:
         lens=True,
         roulette=True,
         variance=True,
+        planned=True,
         statistics=True,
     )
 
@@ -83,6 +94,7 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),
         "tables": (tables, "the sampler needs no attenuation tables"),
         "variance": (features.variance, "no variance was asked for"),
+        "planned": (features.planned, "all pixels take the same number of samples"),
         "statistics": (features.statistics, "no statistics were asked for"),
         "debug": (features.debug, "FURCL_DEBUG is not set"),
     }

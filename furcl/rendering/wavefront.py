@@ -212,7 +212,7 @@ class Wavefront:
         wave["width"] = wave["height"] = wave["n_slots"] = 1
         for n in (LOCAL_SIZE, int(self.n_slots)):
             fill(self.queue, self.active_counts, 0, 4)
-            self._launch("generate", n, self.state, self.active, wave, self.camera)
+            self._launch_generate(wave, n)
             self.intersect_closest(wave, n)
             self.shade_escaped(wave, n)
             self.scatter(wave, n, 0)
@@ -224,8 +224,12 @@ class Wavefront:
         """Start the wave's paths; returns how many are active."""
         n = int(wave["n_paths"])
         fill(self.queue, self.active_counts, n, 4)
-        self._launch("generate", n, self.state, self.active, wave, self.camera)
+        self._launch_generate(wave, n)
         return n
+
+    def _launch_generate(self, wave: np.ndarray, n: int) -> None:
+        plan = [self.film.plan.plan] if self.film.plan else []
+        self._launch("generate", n, self.state, self.active, wave, self.camera, *plan)
 
     def intersect_closest(self, wave: np.ndarray, active: int) -> None:
         """Find what every active path meets next: fills the hit and miss queues.
@@ -330,11 +334,13 @@ class Wavefront:
         self.active_counts, self.counts = self.counts, self.active_counts
         return lengths
 
-    def add_to_film(self, wave: np.ndarray) -> None:
-        """Add the wave's finished paths to the film."""
-        self._launch_film(wave, min(int(wave["n_paths"]), self.film.width * self.film.height))
+    def add_to_film(self, wave: np.ndarray, n_pixels: int) -> None:
+        """Add the wave's finished paths to the film, which belong to so many pixels."""
+        self._launch_film(wave, n_pixels)
 
     def _launch_film(self, wave: np.ndarray, n: int) -> None:
+        plan = self.film.plan
+        planned = [plan.plan, plan.pilots, plan.n_levels] if plan else []
         self._launch(
             "add_to_film",
             n,
@@ -343,6 +349,7 @@ class Wavefront:
             self.film.n_samples,
             self.film.nonfinite,
             wave,
+            *planned,
         )
 
     def read_lobe_counts(self) -> np.ndarray:

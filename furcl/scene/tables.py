@@ -30,6 +30,8 @@ from furcl.table import Table
 
 FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
+MOST_SPP = 1 << 20
+
 
 class Film(Table, frozen=True, kw_only=True):
     """Picture size and pixel filter.
@@ -69,13 +71,15 @@ class Render(Table, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    spp : int               samples a pixel
+    spp : int               samples a pixel, on average where allocation is "adaptive"
     seed : int              of the random numbers
     max_depth : int         longest path [bounces]
     sampling : str          how lobe, offset and direction are sampled, or the name of a sampler of
                             your own (docs/own_sampler.md)
     light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
                             light
+    allocation : str        "even" gives every pixel the same number of samples, "adaptive" more to
+                            those with larger errors
     roulette_depth : int    from here on paths may end at random, without bias [bounces]
     sequence : str          random numbers of a pixel's samples: "independent", or "sobol", spread
                             evenly, for less noise; the variance that the film keeps is then an
@@ -88,11 +92,12 @@ class Render(Table, frozen=True, kw_only=True):
 
     allowed: ClassVar = {"sampling": samplers.BUILT_IN}
 
-    spp: Annotated[int, Meta(ge=1, le=1 << 20)] = 64
+    spp: Annotated[int, Meta(ge=1, le=MOST_SPP)] = 64
     seed: Annotated[int, Meta(ge=0, le=(1 << 32) - 1)] = 0
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
+    allocation: Literal["even", "adaptive"] = "even"
     roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
     sequence: Sequence = "independent"
     residual: bool = False

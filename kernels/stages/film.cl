@@ -3,8 +3,8 @@
    `film` holds four spectra a pixel, next to each other: the compensated sum of radiance (sum,
    correction) and that of squared deviations (sum, correction); without FURCL_VARIANCE the first two.
 
-   reads    state: RADIANCE
-   writes   film, n_samples, nonfinite
+   reads    state: RADIANCE; plan (with FURCL_PLANNED)
+   writes   film, n_samples, nonfinite; pilots (with FURCL_PLANNED)
    over     the pixels of the wave; a pixel adds its samples in their order, so the result does not
             depend on how a render is cut into waves
    next     generate of the next wave */
@@ -36,15 +36,53 @@ static inline void add_compensated(Spectrum* sum, Spectrum* correction, Spectrum
     *sum = total;
 }
 
+#if FURCL_PLANNED
+/* What plans are made of: for a pixel that has FURCL_PILOT_SAMPLES samples, and that times
+   FURCL_PILOT_GROWTH, and so on, the variance of a sample, mean of the channels, absolute and over the
+   squared mean radiance. */
+static inline void keep_pilot(
+    __global float* pilots, uint n_levels, uint n_pixels, uint pixel, uint samples, Spectrum sum,
+    Spectrum squares)
+{
+    uint level = 0u, at = FURCL_PILOT_SAMPLES;
+    while (level < n_levels && at < samples) { level++; at *= FURCL_PILOT_GROWTH; }
+    if (level >= n_levels || at != samples) return;
+    const Spectrum mean = sum * (1.0f / (float)samples);
+    const Spectrum variance = squares * (1.0f / (float)(samples - 1u));
+    __global float* pilot = pilots + 2u * ((size_t)level * n_pixels + pixel);
+    pilot[0] = spectrum_mean(variance);
+    pilot[1] = spectrum_mean(variance / (mean * mean + FURCL_RELATIVE_EPSILON));
+}
+#endif
+
 __kernel void add_to_film(
     __global float* state, __global float* film, __global uint* n_samples,
-    __global uint* nonfinite, const Wave wave)
+    __global uint* nonfinite, const Wave wave
+#if FURCL_PLANNED
+    , __global const uint* plan, __global float* pilots, const uint n_levels
+#endif
+    )
 {
-    const uint first = get_global_id(0);
     const uint n_pixels = wave.width * wave.height;
-    if (first >= min(wave.n_paths, n_pixels)) return;
     const Paths paths = {state, wave.n_slots};
-    const uint pixel = FURCL_INDEX(paths_record(paths), pixel_of_slot(&wave, first).index, n_pixels);
+#if FURCL_PLANNED
+    const uint tiled = wave.first_pixel + get_global_id(0);
+    if (tiled >= n_pixels) return;
+    /* Slots of the pixel, which may have begun before the wave and may go on after it. */
+    const uint before = first_planned_path(plan, &wave);
+    const PlannedPaths own = planned_paths(plan, tiled);
+    const uint first = max(own.first, before) - before;
+    const uint end = min(max(own.end, before) - before, wave.n_paths);
+    if (first >= end) return;
+    const uint step = 1u;
+    const PixelSample p = sample_of_pixel(&wave, tiled, 0u);
+#else
+    const uint first = get_global_id(0);
+    if (first >= min(wave.n_paths, n_pixels)) return;
+    const uint end = wave.n_paths, step = n_pixels;
+    const PixelSample p = pixel_of_slot(paths, &wave, first);
+#endif
+    const uint pixel = FURCL_INDEX(paths_record(paths), p.index, n_pixels);
     Spectrum sum = spectrum_load(film_place(film, paths, pixel, 0u));
     Spectrum sum_correction = spectrum_load(film_place(film, paths, pixel, 1u));
 #if FURCL_VARIANCE
@@ -52,7 +90,7 @@ __kernel void add_to_film(
     Spectrum squares_correction = spectrum_load(film_place(film, paths, pixel, 3u));
 #endif
     uint samples = n_samples[pixel];
-    for (uint slot = first; slot < wave.n_paths; slot += n_pixels, samples++) {
+    for (uint slot = first; slot < end; slot += step, samples++) {
         const Spectrum radiance = path_spectrum(paths, PS_RADIANCE, slot);
         if (!spectrum_is_finite(radiance)) atomic_inc(nonfinite);
 #if FURCL_VARIANCE
@@ -63,6 +101,9 @@ __kernel void add_to_film(
         add_compensated(&squares, &squares_correction, deviation * deviation * (n / (n + 1.0f)));
 #endif
         add_compensated(&sum, &sum_correction, radiance);
+#if FURCL_PLANNED
+        keep_pilot(pilots, n_levels, n_pixels, pixel, samples + 1u, sum, squares);
+#endif
     }
     spectrum_store(film_place(film, paths, pixel, 0u), sum);
     spectrum_store(film_place(film, paths, pixel, 1u), sum_correction);

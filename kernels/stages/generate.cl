@@ -1,6 +1,6 @@
 /* Stage 1. Starts one path a slot: a camera ray for its pixel and sample.
 
-   reads    wave, camera
+   reads    wave, camera; plan (with FURCL_PLANNED)
    writes   state: all planes of a new path; queue: the identity
    over     the wave's paths
    next     intersect_closest */
@@ -8,12 +8,23 @@
 #include "core/paths.clh"
 
 __kernel void generate(
-    __global float* state, __global uint* queue, const Wave wave, const Camera camera)
+    __global float* state, __global uint* queue, const Wave wave, const Camera camera
+#if FURCL_PLANNED
+    , __global const uint* plan
+#endif
+    )
 {
     const uint slot = get_global_id(0);
     if (slot >= wave.n_paths) return;
     const Paths paths = {state, wave.n_slots};
-    const CameraRay ray = camera_ray(&camera, &wave, pixel_of_slot(&wave, slot));
+#if FURCL_PLANNED
+    const PixelSample p = planned_sample(plan, &wave, slot);
+    set_path_uint(paths, PS_PIXEL, slot, p.index);
+    set_path_uint(paths, PS_SAMPLE, slot, p.sample);
+#else
+    const PixelSample p = pixel_of_slot(paths, &wave, slot);
+#endif
+    const CameraRay ray = camera_ray(&camera, &wave, p);
     set_path_float3(paths, PS_ORIGIN, slot, ray.origin);
     set_path_float3(paths, PS_DIR, slot, ray.direction);
     set_path_uint(paths, PS_FROM_SEGMENT, slot, FURCL_NO_SEGMENT);

@@ -46,7 +46,7 @@ __kernel void shade_surface(
     next.n = shadows.n = 0u;
     for (uint k = 0; k < FURCL_PATHS_PER_ITEM && queue_entry(k) < n_hits; k++) {
         const uint slot = queued_slot(paths, hit_queue, queue_entry(k));
-        const PixelSample p = pixel_of_slot(&wave, slot);
+        const PixelSample p = pixel_of_slot(paths, &wave, slot);
         const SurfacePoint at = surface_point(
             &surface, path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_DIR, slot),
             path_float(paths, PS_HIT_T, slot));
