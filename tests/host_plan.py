@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +21,11 @@ class HostFilm:
     values : (H, W, n)      the samples of each pixel, in their order
     """
 
-    def __init__(self, values):
+    def __init__(self, values: Any) -> None:
         self.values = values
         self.height, self.width, n = values.shape
         self.n_levels = n_levels(n, self.width * self.height)
-        self.counts = np.zeros(values.shape[:2], np.int64)
+        self.counts: Any = np.zeros(values.shape[:2], np.int64)
         self.plan = self
         self.sums, self.squares = np.cumsum(values, 2), np.cumsum(values**2, 2)
 
@@ -51,8 +52,8 @@ class HostFilm:
 
 def rendered(values, spp, even=False, target=None):
     """The film after a render of `spp` samples a pixel or to a target, and its plan."""
-    film = HostFilm(values)
-    memory = SimpleNamespace(device=SimpleNamespace(queue=None))
+    film: Any = HostFilm(values)
+    memory: Any = SimpleNamespace(device=SimpleNamespace(queue=None))
     plan = SamplePlan(memory, film, even, target)
     wave = np.zeros((), layout.struct_dtype("Wave"))
     paths = 0

@@ -1,6 +1,8 @@
 """Renders whose pixels take different numbers of samples."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,19 @@ import furcl
 from furcl.errors import ImageError, SceneError
 from furcl.rendering.renderer import Renderer
 from furcl.scene.read import with_overrides
+
+
+def _render(*arguments: Any, **keywords: Any) -> Any:
+    """A picture, of which this file knows that it has samples and variance."""
+    return furcl.render(*arguments, **keywords)
+
+
+def _image(renderer: Renderer) -> Any:
+    return renderer.image()
+
+
+def _load(path: Path) -> Any:
+    return furcl.Image.load(path)
 
 
 def _scene(size=(24, 16), **render):
@@ -29,7 +44,7 @@ def _check_pixels_are_those_of_even_renders(image, scene, device):
     for n in np.unique(image.samples):
         even.advance(int(n) - even.samples_done)
         same = image.samples == n
-        expected = even.image()
+        expected = _image(even)
         assert np.array_equal(image.rgb[same], expected.rgb[same])
         assert np.array_equal(image.variance[same], expected.variance[same])
 
@@ -38,7 +53,7 @@ def _check_pixels_are_those_of_even_renders(image, scene, device):
 def test_pixels_have_the_bits_of_even_renders(device, size):
     """In strips of eight rows, in the rest of them, and without a neighbour."""
     scene = _scene(size)
-    image = furcl.render(scene, device=device)
+    image = _render(scene, device=device)
     assert image.samples.sum() == 20 * size[0] * size[1]
     assert image.samples.min() >= 4
     assert image.stats["samples"] == {"min": image.samples.min(), "max": image.samples.max()}
@@ -48,7 +63,7 @@ def test_pixels_have_the_bits_of_even_renders(device, size):
 
 def test_wave_size_changes_no_bit(device):
     """Nor do the debug checks find anything: waves begin and end within a pixel's samples."""
-    images = [furcl.render(_scene(), device=device, wave_size=n) for n in (1 << 18, 1000, 37)]
+    images = [_render(_scene(), device=device, wave_size=n) for n in (1 << 18, 1000, 37)]
     assert _bits(images[0]) == _bits(images[1]) == _bits(images[2])
     assert images[0].stats["steps"] == images[1].stats["steps"] > 2
 
@@ -57,7 +72,7 @@ def test_indices_stay_inside(device, monkeypatch):
     monkeypatch.setenv("FURCL_DEBUG", "1")
     renderer = Renderer(_scene(spp=8), device, wave_size=500)
     assert renderer.advance(8)
-    assert renderer.image().samples.sum() == 24 * 16 * 8
+    assert _image(renderer).samples.sum() == 24 * 16 * 8
 
 
 def test_a_render_that_is_stopped_goes_on(device):
@@ -65,12 +80,12 @@ def test_a_render_that_is_stopped_goes_on(device):
     scene = _scene()
     renderer = Renderer(scene, device, wave_size=333)
     assert not renderer.advance(20, progress=lambda done, total: done > total / 2)
-    stopped = renderer.image()
+    stopped = _image(renderer)
     assert stopped.samples.sum() == renderer.paths_done < 20 * 24 * 16
     _check_pixels_are_those_of_even_renders(stopped, scene, device)
     left = 20 * 24 * 16 - renderer.paths_done
     assert renderer.advance(left // (24 * 16))
-    image = renderer.image()
+    image = _image(renderer)
     assert image.samples.sum() == renderer.paths_done
     _check_pixels_are_those_of_even_renders(image, scene, device)
 
@@ -78,13 +93,13 @@ def test_a_render_that_is_stopped_goes_on(device):
 def test_a_render_that_starts_again_is_the_same(device):
     renderer = Renderer(_scene(), device)
     renderer.advance(20)
-    first = renderer.image()
+    first = _image(renderer)
     renderer.restart(renderer.scene.render.seed + 1)
     renderer.advance(20)
-    assert _bits(renderer.image()) != _bits(first)
+    assert _bits(_image(renderer)) != _bits(first)
     renderer.restart(renderer.scene.render.seed - 1)
     renderer.advance(20)
-    assert _bits(renderer.image()) == _bits(first)
+    assert _bits(_image(renderer)) == _bits(first)
 
 
 def test_a_plan_of_equal_numbers_is_an_even_render(device):
@@ -95,15 +110,15 @@ def test_a_plan_of_equal_numbers_is_an_even_render(device):
     assert full.plan is not None
     for renderer in (lean, full):
         assert renderer.advance(20)
-        assert np.all(renderer.image().samples == 20)
+        assert np.all(_image(renderer).samples == 20)
     assert lean.rays == pytest.approx(full.rays, rel=1e-3)
 
 
 def test_samples_go_where_errors_are(device):
     """More of them, and a smaller error in all for as many: measured 0.70 of the even MSE."""
     scene = _scene(spp=64)
-    image = furcl.render(scene, device=device)
-    even = furcl.render(with_overrides(scene, ["render.allocation=even"]), device=device)
+    image = _render(scene, device=device)
+    even = _render(with_overrides(scene, ["render.allocation=even"]), device=device)
     deviation = np.sqrt(even.variance.mean(axis=2))
     noisy = deviation > np.median(deviation)
     assert image.samples[noisy].mean() > 1.5 * image.samples[~noisy].mean()
@@ -117,7 +132,7 @@ def test_a_target_ends_a_render(device, allocation):
     scene = with_overrides(_scene(), [f"render.allocation={allocation}"])
     spent = {}
     for target in (0.02, 0.01):
-        image = furcl.render(scene, device=device, target_rmse=target)
+        image = _render(scene, device=device, target_rmse=target)
         assert image.stats["complete"]
         assert image.stats["target"] == {"rmse": target}
         error = image.stats["error"]["rmse"]
@@ -125,10 +140,10 @@ def test_a_target_ends_a_render(device, allocation):
         assert error["low"] < error["estimate"] < error["high"]
         spent[target] = image.samples.mean()
     assert spent[0.01] > 2.5 * spent[0.02]
-    limited = furcl.render(scene, spp=5, device=device, target_rmse=1e-6)
+    limited = _render(scene, spp=5, device=device, target_rmse=1e-6)
     assert not limited.stats["complete"]
     assert limited.samples.mean() == 5
-    relative = furcl.render(scene, device=device, target_relmse=0.02)
+    relative = _render(scene, device=device, target_relmse=0.02)
     assert relative.stats["error"]["relmse"]["estimate"] == pytest.approx(0.02, rel=0.3)
 
 
@@ -139,13 +154,13 @@ def test_a_target_ends_a_render(device, allocation):
 def test_a_plan_without_variance_is_refused(device, keywords, what):
     scene = _scene(variance=False)
     with pytest.raises(SceneError, match=f"variance = false: {what} needs the variance; set it"):
-        furcl.render(scene, device=device, **keywords)
+        _render(scene, device=device, **keywords)
 
 
 def test_maps_are_layers_of_the_file(device, tmp_path):
-    image = furcl.render(_scene(), device=device)
+    image = _render(_scene(), device=device)
     image.save(tmp_path / "out.exr")
-    again = furcl.Image.load(tmp_path / "out.exr")
+    again = _load(tmp_path / "out.exr")
     assert np.array_equal(again.samples, image.samples)
     assert np.array_equal(again.standard_error, image.standard_error)
     expected = np.sqrt(image.variance.astype(np.float64).mean(axis=2))
@@ -154,8 +169,8 @@ def test_maps_are_layers_of_the_file(device, tmp_path):
 
     channels, _ = read_exr(tmp_path / "out.exr")
     np.testing.assert_array_equal(channels["error"], image.standard_error)
-    furcl.render(fur_patch(), device=device).save(tmp_path / "even.exr")
-    assert furcl.Image.load(tmp_path / "even.exr").samples is None
+    _render(fur_patch(), device=device).save(tmp_path / "even.exr")
+    assert _load(tmp_path / "even.exr").samples is None
     with pytest.raises(ImageError, match="samples has the shape"):
         furcl.Image(image.rgb, samples=image.samples[1:])
 
