@@ -49,6 +49,7 @@ VALUES = {
     "lens": (False, True),
     "filter": FILTERS,
     "roulette": (False, True),
+    "shadow_roulette": (False, True),
     "variance": (False, True),
     "statistics": (False, True),
     "debug": (False,),
@@ -75,6 +76,8 @@ def _reachable(values):
     if values["scattered"] and not values["medulla"]:
         return False
     if values["profile_channels"] and not values["scattered"]:
+        return False
+    if values["shadow_roulette"] and not values["light_sampling"]:
         return False
     return not (values["channels"] == 1 and values["profile_channels"] == 3)
 
@@ -233,14 +236,22 @@ ABSENT = [
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
     ({"variance": False}, "add_to_film", ("mean_before",)),
-    ({"roulette": False}, "shade", ("throughput /= largest",)),
+    ({"roulette": False}, "shade", ("throughput /= keep_next",)),
+    ({"shadow_roulette": False}, "shade", ("light /= keep_shadow",)),
     ({"sampler": "uniform-h"}, "sample_lobe_h", ("search_remainder(bins",)),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("changes", "stage", "words"), ABSENT)
 def test_left_out_code_is_absent(device, changes, stage, words):
-    full = {"residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True}
+    full = {
+        "residual": True,
+        "light": "sky",
+        "light_sampling": True,
+        "surface": PART,
+        "lens": True,
+        "shadow_roulette": True,
+    }
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:
         assert word in there, f"{word} is misspelt in this test"

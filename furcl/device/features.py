@@ -58,6 +58,7 @@ class Features:
     lens : bool                 camera with a finite aperture
     filter : str                one of layout.FILTERS
     roulette : bool             Russian roulette within the depth limit
+    shadow_roulette : bool      Russian roulette of light samples
     variance : bool             film keeps second moments
     statistics : bool           counters of lobes and path lengths
     debug : bool                index checks in every buffer access that has one
@@ -73,6 +74,7 @@ class Features:
     lens: bool = False
     filter: str = "gaussian"
     roulette: bool = True
+    shadow_roulette: bool = False
     variance: bool = True
     statistics: bool = True
     debug: bool = False

@@ -19,7 +19,7 @@ from furcl.groom.curves import Curves
 from furcl.image.image import Image
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
-from furcl.rendering.wavefront import QueueLengths
+from furcl.rendering.wavefront import QueueLengths, Wavefront
 from furcl.scene.read import with_overrides
 from furcl.scene.tables import Scene
 from furcl.version import software
@@ -86,6 +86,7 @@ class Renderer:
         self.wavefront = self.setup.wavefront
         self.wave_size = self.setup.wave_size
         self.seconds = dict(self.setup.seconds)
+        self._wave = _wave_of(scene, self.wavefront)
         self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
         self._forget_counts()
 
@@ -193,13 +194,10 @@ class Renderer:
     def _next_wave(self, end: int) -> np.ndarray:
         """The struct Wave of the paths from `paths_done` on."""
         sample, pixel = divmod(self.paths_done, self.n_pixels)
-        wave = np.zeros((), layout.struct_dtype("Wave"))
-        wave["width"], wave["height"] = self.film.width, self.film.height
+        wave = self._wave.copy()
         wave["first_pixel"], wave["first_sample"] = pixel, sample
         wave["n_paths"] = min(self.wave_size.paths, end - self.paths_done)
-        wave["n_slots"] = self.wavefront.n_slots
         wave["seed"] = self.scene.render.seed
-        wave["roulette_depth"] = self.scene.render.roulette_depth
         return wave
 
     def image(self) -> Image:
@@ -249,6 +247,17 @@ class Renderer:
             "wave_size": self.wave_size.paths,
             "wave_size_from": self.wave_size.origin,
         }
+
+
+def _wave_of(scene: Scene, wavefront: Wavefront) -> np.ndarray:
+    """The struct Wave with what all waves of a scene have alike."""
+    wave = np.zeros((), layout.struct_dtype("Wave"))
+    wave["width"], wave["height"] = scene.film.width, scene.film.height
+    wave["n_slots"] = wavefront.n_slots
+    wave["roulette_depth"] = scene.render.first_roulette
+    wave["roulette_threshold"] = scene.render.survival_threshold
+    wave["shadow_threshold"] = scene.render.shadow_threshold
+    return wave
 
 
 def render(

@@ -76,7 +76,15 @@ class Render(Table, frozen=True, kw_only=True):
                             your own (docs/own_sampler.md)
     light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
                             light
-    roulette_depth : int    from here on paths may end at random, without bias [bounces]
+    roulette : str          when paths may end at random, without bias: "depth" from a depth on with
+                            their throughput as the chance to go on, "throughput" from the first
+                            bounce with their throughput over a threshold
+    roulette_depth : int    from here on paths may end at random; with roulette = "depth" 8 if left
+                            out, else 0 [bounces]
+    roulette_threshold : float  a path goes on with its throughput over this as its chance; with
+                            roulette = "depth" 1 if left out, with "throughput" 0.3
+    shadow_threshold : float    light samples are tested with what they bring to the picture over
+                            this as their chance, without bias; 0 tests all [radiance]
     residual : bool         add the light of two and more reflections inside a fibre, so that white
                             fibres conserve energy
     variance : bool         keep the variance of every pixel
@@ -90,13 +98,30 @@ class Render(Table, frozen=True, kw_only=True):
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
-    roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
+    roulette: Literal["depth", "throughput"] = "depth"
+    roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] | None = None
+    roulette_threshold: Annotated[float, Meta(ge=1e-6, le=1e6)] | None = None
+    shadow_threshold: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
     residual: bool = False
     variance: bool = True
     statistics: bool = True
 
     def __post_init__(self) -> None:
         samplers.find(self.sampling)
+
+    @property
+    def first_roulette(self) -> int:
+        """The depth from which paths may end at random [bounces]."""
+        if self.roulette_depth is not None:
+            return self.roulette_depth
+        return 8 if self.roulette == "depth" else 0
+
+    @property
+    def survival_threshold(self) -> float:
+        """The throughput below which they may."""
+        if self.roulette_threshold is not None:
+            return self.roulette_threshold
+        return 1.0 if self.roulette == "depth" else 0.3
 
 
 @dataclass(frozen=True)
