@@ -21,6 +21,7 @@ from furcl.fibre.material import NEGLIGIBLE_SHARE
 from furcl.groom.curves import Curves
 from furcl.light import kinds as lights
 from furcl.paths import scene_folder
+from furcl.rendering.learning import LearningPart
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
 from furcl.rendering.specialise import everything_on
@@ -50,6 +51,7 @@ VALUES = {
     "filter": FILTERS,
     "roulette": (False, True),
     "shadow_roulette": (False, True),
+    "learning": (None, LearningPart()),
     "variance": (False, True),
     "statistics": (False, True),
     "debug": (False,),
@@ -237,6 +239,7 @@ ABSENT = [
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
     ({"variance": False}, "add_to_film", ("mean_before",)),
     ({"roulette": False}, "shade", ("throughput /= keep_next",)),
+    ({"learning": None}, "shade", ("learned_cell(", "record_arrival(")),
     ({"shadow_roulette": False}, "shade", ("light /= keep_shadow",)),
     ({"sampler": "uniform-h"}, "sample_lobe_h", ("search_remainder(bins",)),
 ]  # fmt: skip
@@ -251,6 +254,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
         "surface": PART,
         "lens": True,
         "shadow_roulette": True,
+        "learning": LearningPart(),
     }
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

@@ -19,6 +19,7 @@ BLOCK = 4  # pixels
 VARIANTS = {
     "paths": {"roulette": "throughput", "roulette_threshold": 0.5},
     "both": {"roulette": "throughput", "roulette_threshold": 0.3, "shadow_threshold": 0.5},
+    "adjoint": {"roulette": "adjoint"},
 }
 
 
@@ -62,6 +63,7 @@ def test_the_mean_of_every_block_is_that_without_roulette(device, seed, referenc
 MUTANTS = {
     "paths": r"throughput /= keep_next;",
     "both": r"light /= keep_shadow;",
+    "adjoint": r"throughput /= keep_next;",
 }
 
 

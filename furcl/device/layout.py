@@ -147,8 +147,8 @@ STRUCTS: dict[str, Fields] = {
         ("roulette_depth", "uint"),  # from here on paths whose throughput is below ...
         ("roulette_threshold", "float"),  # ... this may end
         ("shadow_threshold", "float"),  # light samples that bring less may be left out
-        ("unused_a", "uint"),
-        ("unused_b", "uint"),
+        ("recording", "uint"),  # whether what is learned from is noted
+        ("unused", "uint"),
     ),
 }
 

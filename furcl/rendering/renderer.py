@@ -105,6 +105,8 @@ class Renderer:
         self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
         self._forget_counts()
+        if self.setup.learning:
+            self.setup.learning.forget()
         self.seconds.pop("render", None)
 
     def _forget_counts(self) -> None:
@@ -131,12 +133,13 @@ class Renderer:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
                     break
-                wave = self._next_wave(end)
+                wave = self._next_wave(self._end_of_wave(end))
                 self._trace(wave)
                 if not self.paths_done:
                     self.device.queue.finish()
                     log.debug(FIRST_SAMPLES)
                 self.paths_done += int(wave["n_paths"])
+                self._learn()
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
                     self._count_lobes()
                 if progress and progress(self.paths_done - first, end - first):
@@ -147,6 +150,21 @@ class Renderer:
             passed = time.perf_counter() - start
             self.seconds["render"] = self.seconds.get("render", 0.0) + passed
         return self.paths_done == end
+
+    def _end_of_wave(self, end: int) -> int:
+        """The paths that are done when the next wave ends, at most: `end`, or where something is
+        learned before."""
+        learning = self.setup.learning
+        samples = learning.next_end(self.samples_done) if learning else None
+        return end if samples is None else min(end, samples * self.n_pixels)
+
+    def _learn(self) -> None:
+        """Learn from the samples so far, if there are as many as then."""
+        learning = self.setup.learning
+        if learning and self.paths_done in (n * self.n_pixels for n in learning.ends):
+            _, variance, _ = self.film.read(self.memory)
+            of_sample = float(variance.mean(dtype=np.float64)) * self.samples_done
+            learning.update(of_sample, self.rays / self.paths_done)
 
     def _trace(self, wave: np.ndarray) -> None:
         """One wave from the camera to the film.
@@ -160,7 +178,7 @@ class Renderer:
         lengths = None
         for depth in range(self.scene.render.max_depth + 1):
             stages.intersect_closest(wave, active)
-            stages.shade_escaped(wave, active)
+            stages.shade_escaped(wave, active, depth)
             if depth < self.scene.render.max_depth:
                 stages.scatter(wave, active, depth)
                 stages.intersect_shadow(wave, active)
@@ -169,6 +187,7 @@ class Renderer:
                 active = self._count_rays(before)
                 if not active:
                     break
+        stages.learn(wave)
         stages.add_to_film(wave)
         if lengths:
             self._count_rays(lengths)
@@ -197,6 +216,8 @@ class Renderer:
         wave = self._wave.copy()
         wave["first_pixel"], wave["first_sample"] = pixel, sample
         wave["n_paths"] = min(self.wave_size.paths, end - self.paths_done)
+        learning = self.setup.learning
+        wave["recording"] = learning is not None and learning.next_end(sample) is not None
         wave["seed"] = self.scene.render.seed
         return wave
 

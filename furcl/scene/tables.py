@@ -78,13 +78,17 @@ class Render(Table, frozen=True, kw_only=True):
                             light
     roulette : str          when paths may end at random, without bias: "depth" from a depth on with
                             their throughput as the chance to go on, "throughput" from the first
-                            bounce with their throughput over a threshold
+                            bounce with their throughput over a threshold, "adjoint" with one
+                            that is learned in the first samples from what rays brought, for light
+                            samples too
     roulette_depth : int    from here on paths may end at random; with roulette = "depth" 8 if left
                             out, else 0 [bounces]
     roulette_threshold : float  a path goes on with its throughput over this as its chance; with
-                            roulette = "depth" 1 if left out, with "throughput" 0.3
+                            roulette = "depth" 1 if left out, else 0.3; with "adjoint" that
+                            is until something is learned
     shadow_threshold : float    light samples are tested with what they bring to the picture over
-                            this as their chance, without bias; 0 tests all [radiance]
+                            this as their chance, without bias; 0 tests all; with roulette =
+                            "adjoint" that is until something is learned [radiance]
     residual : bool         add the light of two and more reflections inside a fibre, so that white
                             fibres conserve energy
     variance : bool         keep the variance of every pixel
@@ -98,7 +102,7 @@ class Render(Table, frozen=True, kw_only=True):
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
-    roulette: Literal["depth", "throughput"] = "depth"
+    roulette: Literal["depth", "throughput", "adjoint"] = "depth"
     roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] | None = None
     roulette_threshold: Annotated[float, Meta(ge=1e-6, le=1e6)] | None = None
     shadow_threshold: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
