@@ -60,6 +60,12 @@ GRID_MARGIN = 0.015625
 TABLE_ROWS = 32
 TABLE_BINS = 100
 
+# Marginal densities, with the same rows: nodes of |phi| from 0 to pi; offsets of their quadrature,
+# shared out among so many work-items.
+MARGINAL_PHIS = 65
+MARGINAL_OFFSETS = 128
+MARGINAL_PARTS = 8
+
 
 def block_bytes(row: int) -> slice:
     """The bytes of a row in a block of the tree, one a lane: row 2 axis + end, or ROW_RADIUS."""
@@ -107,6 +113,9 @@ def _constants() -> dict[str, str]:
         "ROW_RADIUS": ROW_RADIUS,
         "TABLE_ROWS": TABLE_ROWS,
         "TABLE_BINS": TABLE_BINS,
+        "MARGINAL_PHIS": MARGINAL_PHIS,
+        "MARGINAL_OFFSETS": MARGINAL_OFFSETS,
+        "MARGINAL_PARTS": MARGINAL_PARTS,
     }
     return {
         **{name: f"{value:#x}u" for name, value in words.items()},
@@ -209,7 +218,7 @@ PATH_STATE = (
     Plane("LOBE", 1),  # uint
     Plane("OFFSET_H", 1),
     Plane("JOINT", 1),  # q(lobe, h), relative to uniform h
-    Plane("DIR_PDF", 1, lambda f: f.light_sampling),  # q(p,h) p(w|p,h) / q(h); 0: camera
+    Plane("DIR_PDF", 1, lambda f: f.light_sampling),  # about that of DIR, of any h; 0: camera
     Plane("SHADOW_DIR", 3, lambda f: f.light_sampling),
     Plane("SHADOW_SKIP_DISTANCE", 1, lambda f: f.light_sampling),
     Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and not f.light_at_infinity),

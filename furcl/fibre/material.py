@@ -18,8 +18,10 @@ from furcl.fibre.attenuation import (
     AttenuationTables,
     peak_angles,
     peaks_around,
+    row_angles,
     tables_from_bins,
 )
+from furcl.fibre.marginal import marginals_from_sums
 from furcl.fibre.model import FibreFeatures, FibreModel, model_of
 from furcl.fibre.samplers import Sampler
 
@@ -40,6 +42,8 @@ class FibreMaterial:
     params : struct FibreParams
     profiles : object or None           what the model prepared (`FibreModel.prepare`), if used
     tables : AttenuationTables or None  None for samplers that need none
+    marginals : (rows, phis, lobes) or None     densities of lobe and azimuth, where the light is
+                                        sampled: furcl.fibre.marginal
     buffer : cl.Buffer                  params, data, tables: kernels/include/fibre/material.clh
     """
 
@@ -49,6 +53,7 @@ class FibreMaterial:
     params: np.ndarray
     profiles: Any
     tables: AttenuationTables | None
+    marginals: np.ndarray | None
     buffer: cl.Buffer
 
     @property
@@ -105,20 +110,27 @@ def build_material(
     bins = None
     if drop_lobes or sampler.needs_tables:
         packed = _packed(params, model.data(profiles, needed))
-        bins = _attenuation_bins(Memory(memory.device), features.with_(fibre=needed), packed)
+        unlit = features.with_(fibre=needed, light_sampling=False)
+        bins = _attenuation_bins(Memory(memory.device), unlit, packed)
     if drop_lobes and bins is not None:
         needed, bins = _without_negligible(model, needed, bins)
     if needed.data_words == 0:
         profiles = None
     tables = tables_from_bins(*bins) if bins is not None and sampler.needs_tables else None
     parts = [params, model.data(profiles, needed), *([tables.packed] if tables else [])]
+    own = features.with_(fibre=needed, sampler=sampler)
+    marginals = None
+    if own.light_sampling:
+        marginals = _marginals(Memory(memory.device), own, _packed(*parts))
+        parts.append(marginals)
     return FibreMaterial(
         fibre,
         model,
-        features.with_(fibre=needed, sampler=sampler),
+        own,
         params,
         profiles,
         tables,
+        marginals,
         index_checks.upload(memory, "material", _packed(*parts), features.debug),
     )
 
@@ -164,3 +176,25 @@ def _attenuation_bins(memory: Memory, features: Features, packed: np.ndarray) ->
     means, peaks = np.moveaxis(memory.read(out, shape), -1, 0)
     means = means[:-GRAZING_ROWS:ROWS_BETWEEN]
     return np.stack([means, peaks_around(peaks)])
+
+
+def _marginals(memory: Memory, features: Features, packed: np.ndarray) -> np.ndarray:
+    """What `marginals_from_sums` makes of kernels/prepare/marginals.cl, (TABLE_ROWS, MARGINAL_PHIS,
+    n_lobes) float32. `packed` is the material up to them."""
+    device = memory.device
+    assert isinstance(features.fibre, FibreFeatures)
+    theta = row_angles(layout.TABLE_ROWS)
+    rows = memory.upload("rows", np.stack([np.sin(theta), np.cos(theta)], 1).astype(np.float32))
+    of_row = (layout.MARGINAL_PHIS, features.fibre.n_lobes)
+    shape = (layout.TABLE_ROWS, layout.MARGINAL_PARTS, *of_row)
+    out = memory.allocate("sums", 4 * int(np.prod(shape)))
+    kernel = cl.Kernel(
+        program.build(device, "prepare/marginals.cl", features), "marginal_densities"
+    )
+    whole = _packed(packed, np.zeros((layout.TABLE_ROWS, *of_row), np.float32))
+    material = index_checks.upload(memory, "material", whole, features.debug)
+    checks = index_checks.IndexChecks(device.queue, features)
+    checks.watch(material)
+    kernel(device.queue, *grid(shape[0] * shape[1]), out, rows, material)
+    checks.check("marginal_densities")
+    return marginals_from_sums(memory.read(out, shape))

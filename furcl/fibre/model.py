@@ -34,10 +34,14 @@ class Lobe:
     name : str          as in statistics, e.g. "TT"
     narrow : bool       may be far narrower than a hemisphere: it wants to be sampled by its own
                         density; other lobes are smooth
+    h_given_phi : bool  its header draws h for a direction (lobe_azimuthal_estimate of
+                        kernels/include/fibre/material.clh); if not, light samples use an h of the
+                        sampler's
     """
 
     name: str
     narrow: bool = True
+    h_given_phi: bool = False
 
 
 class FibreFeatures(ABC):
@@ -109,6 +113,11 @@ class FibreFeatures(ABC):
             **self.switches(),
             "FURCL_LOBES": self.n_lobes,
             "FURCL_LOBE_MASK": sum(1 << names.index(lobe) for lobe in self.lobes),
+            "FURCL_H_GIVEN_PHI": sum(
+                1 << names.index(lobe.name)
+                for lobe in self.model.lobes
+                if lobe.h_given_phi and lobe.name in self.lobes
+            ),
             "FURCL_FIBRE_DATA_WORDS": self.data_words,
         }
 

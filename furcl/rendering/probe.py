@@ -42,6 +42,7 @@ class Probe:
     channels : int or None      force 3 channels for a grey fibre
     profiles : object or None   used instead of what the model prepares for the fibre
     features : FibreFeatures or None        compile for these instead of what the fibre needs
+    light_sampling : bool       with what light samples need: `estimate_far_field`
 
     Raises
     ------
@@ -60,6 +61,7 @@ class Probe:
         channels: int | None = None,
         profiles: Any = None,
         features: FibreFeatures | None = None,
+        light_sampling: bool = False,
     ) -> None:
         self.fibre = fibre
         self.device = device if isinstance(device, Device) else open_device(device)
@@ -69,7 +71,7 @@ class Probe:
         self.material = build_material(
             self.memory,
             fibre,
-            Features(channels=channels or needed),
+            Features(channels=channels or needed, light_sampling=light_sampling),
             self.sampler,
             residual=residual,
             fibre_features=features,
@@ -205,6 +207,47 @@ class Probe:
             memory.read(outs["weight"], (n, 3)),
             _PER_UNIT_OF_H * memory.read(outs["pdf"], n),
         )
+
+    def estimate_far_field(
+        self, wo: ArrayLike, wi: ArrayLike, seed: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What a light sample in the direction wi is worth: one lobe at one h of its own.
+
+        Parameters
+        ----------
+        wo, wi : (n, 3) or (3,)     unit directions
+        seed : int                  0..2^32-1
+
+        Returns
+        -------
+        value : (n, 3) float32      [1/sr]; its mean is that of `evaluate` over h in [-1, 1]
+        pdf : (n,) float32          about the density of wi in `sample`, all lobes and h [1/sr]: what
+                                    the weights against samples of the light are made of
+
+        Raises
+        ------
+        FibreError      a probe without light_sampling; directions that are not unit vectors
+        """
+        if not self.features.light_sampling:
+            raise FibreError(
+                "probe: estimate_far_field is not compiled in - make the Probe with "
+                "light_sampling=True"
+            )
+        wo, wi = np.atleast_2d(_unit("wo", wo)), np.atleast_2d(_unit("wi", wi))
+        rows, _ = _agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)))
+        n, memory = rows.size, Memory(self.device)
+        value, pdf = memory.allocate("value", 12 * n), memory.allocate("pdf", 4 * n)
+        self._run(
+            "probe_towards",
+            n,
+            memory.upload("wo", _float4(np.broadcast_to(wo, (n, 3)))),
+            memory.upload("wi", _float4(np.broadcast_to(wi, (n, 3)))),
+            value,
+            pdf,
+            np.uint32(n),
+            np.uint32(seed),
+        )
+        return memory.read(value, (n, 3)), memory.read(pdf, n)
 
     def evaluate_lobes(
         self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike

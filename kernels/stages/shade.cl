@@ -22,53 +22,44 @@ static inline float4 point_on_fibre(Paths paths, uint slot, __global const Store
 }
 
 #if FURCL_LIGHT_SAMPLING
-/* Adds the light sample. It uses the same h as the path, whose density is the sum of q over the lobes, and
-   all lobes there; each is weighted against being sampled itself (docs/model.md, Light samples). */
+/* Adds the light sample, at an h of its own, weighed against samples of the fibre in its direction
+   (docs/model.md, Light samples). */
 static inline void add_light_sample(
-    Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const BcsdfAtOffset* b,
-    const float* joints, float density_h, float4 at, __global const float* light, float2 xi)
+    Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
+    __global const float* light, float4 xi, float3 sampler_xi)
 {
-    const LightSample sample = light_sample(light, at.xyz, xi);
+    const LightSample sample = light_sample(light, at.xyz, xi.xy);
     const float3 w = frame_angles(frame, sample.direction);
     bounce->light_direction = sample.direction;
     bounce->light_distance = sample.distance;
     bounce->light_skip_distance = distance_inside(at.w, w.y);
-    Spectrum scattered = spectrum(0.0f);
-    for (uint p = 0; p < FURCL_LOBES; p++) {
-        if (!lobe_exists(p)) continue;
-        const LobeTerms terms = lobe_terms(p, fibre, b, w.x, w.y, w.z);
-        scattered += terms.value / (density_h * sample.pdf + rival_density(joints[p] * terms.pdf));
-    }
-    bounce->light = sample.pdf > 0.0f ? scattered * spectrum_from3(sample.radiance) : spectrum(0.0f);
+    const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi);
+    bounce->light = sample.pdf > 0.0f
+        ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(towards.pdf))
+        : spectrum(0.0f);
 }
 #endif
 
+/* The next ray, of weight 0 where no lobe was chosen. */
 static inline Bounce scatter_at_fibre(
-    Paths paths, uint slot, const FibreFrame* frame, const Fibre* fibre, float4 at,
-    __global const float* light, float4 xi, float4 light_xi)
+    Paths paths, uint slot, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
+    float4 xi)
 {
     Bounce bounce;
-    const Incidence in = incidence_at(fibre, frame->sin_theta, frame->cos_theta);
-    const uint lobe = path_uint(paths, PS_LOBE, slot);
-    const float joint = path_float(paths, PS_JOINT, slot);
-    const float h = path_float(paths, PS_OFFSET_H, slot);
-#if FURCL_LIGHT_SAMPLING
-    const BcsdfAtOffset b = bcsdf_at_offset(fibre, &in, h);
-#else
-    const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, &in, h);
-#endif
-    const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
     bounce.origin = at.xyz;
-    bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
     bounce.skip_segment = path_uint(paths, PS_HIT_SEGMENT, slot);
+    bounce.weight = spectrum(0.0f);
+    const uint lobe = path_uint(paths, PS_LOBE, slot);
+    if (lobe >= FURCL_LOBES) return bounce;
+    const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, in, path_float(paths, PS_OFFSET_H, slot));
+    const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
+    bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
     bounce.skip_distance = distance_inside(at.w, d.y);
-    bounce.weight = (1.0f / joint) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.z);
+    bounce.weight =
+        (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.z);
 #if FURCL_LIGHT_SAMPLING
-    float joints[FURCL_LOBES], density_h = 0.0f;
-    joint_densities(fibre, &in, &b, joints);
-    for (uint p = 0; p < FURCL_LOBES; p++) density_h += joints[p];
-    bounce.pdf = joint * lobe_terms(lobe, fibre, &b, d.x, d.y, d.z).pdf / density_h;
-    add_light_sample(&bounce, frame, fibre, &b, joints, density_h, at, light, light_xi.xy);
+    float of_lobe[FURCL_LOBES];
+    bounce.pdf = direction_density(fibre, in, d, of_lobe);
 #endif
     return bounce;
 }
@@ -105,17 +96,21 @@ __kernel void shade(
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
-            /* A fibre that reflects, transmits and scatters nothing ends the path. */
-            if (path_uint(paths, PS_LOBE, slot) >= FURCL_LOBES) continue;
             const uint pixel = uint_lane(&hits.pixel, k), sample = uint_lane(&hits.sample, k);
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
-            float4 light_xi = (float4)(0.0f);
+            const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
+            const float4 at = point_on_fibre(paths, slot, vertices);
+            Bounce bounce =
+                scatter_at_fibre(paths, slot, &frame, &fibre, &in, at, lane4(&hits.xi, k));
 #if FURCL_LIGHT_SAMPLING
-            light_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_LIGHT));
+            const float4 light_xi =
+                uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_LIGHT));
+            float3 sampler_xi = (float3)(0.0f);
+#if FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI
+            sampler_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_ROULETTE)).yzw;
 #endif
-            const Bounce bounce = scatter_at_fibre(
-                paths, slot, &frame, &fibre, point_on_fibre(paths, slot, vertices), light,
-                lane4(&hits.xi, k), light_xi);
+            add_light_sample(&bounce, &frame, &fibre, &in, at, light, light_xi, sampler_xi);
+#endif
             const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce
 #if FURCL_LEARNING
                 , &learned

@@ -95,3 +95,24 @@ __kernel void probe_sample(
     store_spectrum(weight + 3 * (size_t)i,
                    (1.0f / chosen.joint) * lobe_value_over_pdf(chosen.lobe, &fibre, &b, d.x, d.z));
 }
+
+#if FURCL_LIGHT_SAMPLING
+/* reads wo, wi; writes an estimate of the far field towards wi [n][3] and about the density of samples
+   there. Over n. */
+__kernel void probe_towards(
+    __global const float4* wo, __global const float4* wi, __global float* value, __global float* pdf,
+    const uint n, const uint seed, __global const float* material)
+{
+    const uint i = get_global_id(0);
+    if (i >= n) return;
+    const Fibre fibre = fibre_of(material);
+    const FibreFrame frame = probe_frame(wo[i]);
+    const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
+    const float4 xi = uniform4(seed, 0u, i, bounce_dimension(0u, DIM_LIGHT));
+    const float4 sampler_xi = uniform4(seed, 0u, i, bounce_dimension(0u, DIM_ROULETTE));
+    const LobeTerms towards =
+        value_towards(&fibre, &in, frame_angles(&frame, wi[i].xyz), xi.zw, sampler_xi.yzw);
+    store_spectrum(value + 3 * (size_t)i, towards.value);
+    pdf[i] = towards.pdf;
+}
+#endif

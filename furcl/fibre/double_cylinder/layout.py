@@ -6,12 +6,12 @@ from furcl.device.layout import Fields
 from furcl.fibre.model import Lobe
 
 LOBES = (
-    Lobe("R"),
-    Lobe("TT"),
-    Lobe("TRT"),
-    Lobe("TTs", narrow=False),
-    Lobe("TRTs", narrow=False),
-    Lobe("residual", narrow=False),
+    Lobe("R", h_given_phi=True),
+    Lobe("TT", h_given_phi=True),
+    Lobe("TRT", h_given_phi=True),
+    Lobe("TTs", narrow=False, h_given_phi=True),
+    Lobe("TRTs", narrow=False, h_given_phi=True),
+    Lobe("residual", narrow=False, h_given_phi=True),
 )
 SCATTERED = ("TTs", "TRTs")
 
