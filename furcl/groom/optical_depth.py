@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from furcl.groom.curves import Curves
 
-CELLS_ON_THE_LONGEST_SIDE = 32
-SEGMENTS_AT_ONCE = 1 << 18
+VOXELS_ON_THE_LONGEST_SIDE = 32
+# Of larger grooms every so many-th segment stands for those up to the next, and again where
+# segments have more parts, of the size of voxels, than two each.
+MOST_SEGMENTS = 1 << 17
 # Of a cylinder in all directions alike, over length times width.
 MEAN_SHADOW = np.pi / 4
 
@@ -37,7 +39,7 @@ class OpticalDepths:
     depths: NDArray[np.float32]
 
 
-def optical_depths(curves: Curves, n: int = CELLS_ON_THE_LONGEST_SIDE) -> OpticalDepths:
+def optical_depths(curves: Curves, n: int = VOXELS_ON_THE_LONGEST_SIDE) -> OpticalDepths:
     """Those of a groom, on a grid with `n` voxels along the longest side of its box."""
     lo, hi = curves.bounds()
     voxel = max(float((hi - lo).max()) / n, 1e-30)
@@ -50,24 +52,25 @@ def optical_depths(curves: Curves, n: int = CELLS_ON_THE_LONGEST_SIDE) -> Optica
 def _shadow_areas(
     curves: Curves, corner: NDArray[np.float64], voxel: float, shape: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Mean area that the segments of each voxel hide, (nx, ny, nz): segments longer than a voxel
-    are cut."""
-    areas = np.zeros(int(shape.prod()))
-    vertices = curves.segment_vertices()
-    for begin in range(0, len(vertices), SEGMENTS_AT_ONCE):
-        first = vertices[begin : begin + SEGMENTS_AT_ONCE]
-        start = curves.points[first].astype(np.float64)
-        along = curves.points[first + 1] - start
-        length = np.linalg.norm(along, axis=1)
-        width = curves.radii[first].astype(np.float64) + curves.radii[first + 1]
-        parts = np.ceil(length / voxel).astype(int)
-        segment = np.repeat(np.arange(len(first)), parts)
-        part = np.arange(len(segment)) - np.repeat(np.cumsum(parts) - parts, parts)
-        at = start[segment] + ((part + 0.5) / parts[segment])[:, None] * along[segment]
-        place = np.clip(((at - corner) / voxel).astype(int), 0, shape - 1)
-        area = MEAN_SHADOW * (length * width / parts)[segment]
-        areas += np.bincount(np.ravel_multi_index(place.T, shape), area, areas.size)
-    return areas.reshape(shape)
+    """Mean area that the segments of each voxel hide, (nx, ny, nz); segments longer than a voxel
+    are cut into parts."""
+    every = -(-curves.n_segments // MOST_SEGMENTS)
+    first = curves.segment_vertices()[::every]
+    length = np.linalg.norm(curves.points[first + 1] - curves.points[first], axis=1)
+    again = -(-int(np.ceil(length / voxel).sum()) // (2 * MOST_SEGMENTS))
+    first, length, every = first[::again], length[::again].astype(np.float64), every * again
+    start = curves.points[first].astype(np.float64)
+    along = curves.points[first + 1] - start
+    width = curves.radii[first].astype(np.float64) + curves.radii[first + 1]
+    parts = np.ceil(length / voxel).astype(int)
+    segment = np.repeat(np.arange(len(first)), parts)
+    part = np.arange(len(segment)) - np.repeat(np.cumsum(parts) - parts, parts)
+    at = start[segment] + ((part + 0.5) / parts[segment])[:, None] * along[segment]
+    place = np.clip(((at - corner) / voxel).astype(int), 0, shape - 1)
+    area = every * MEAN_SHADOW * (length * width / parts)[segment]
+    areas = np.zeros(shape, np.float64)
+    np.add.at(areas, tuple(place.T), area)
+    return areas
 
 
 def _along(opacity: NDArray[np.float64], direction: NDArray[np.int64]) -> NDArray[np.float32]:

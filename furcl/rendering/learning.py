@@ -7,8 +7,8 @@ sample of the picture and C_0 its rays (Rath et al. 2022; without costs Vorba an
 For a light sample L is its radiance where nothing hides it, and C is 1.
 
 Rays are told apart by cells (kernels/include/learning/adjoint.clh): the optical depth of the groom
-before them, how open the place is where they begin, and which way is out there. So any groom has
-them, and no surface is needed.
+before them, and which of 26 directions they are nearest to. So any groom has them, and no surface
+is needed.
 
 The first samples of all pixels are recorded, and after some numbers of samples (`Learning.ends`)
 the thresholds are set from all that was recorded until then. Recorded samples count for the
@@ -43,12 +43,9 @@ GRID: Fields = (
     ("unused", "uint"),
 )
 
-# Cells: optical depths before a ray, in steps of a factor sqrt(2); openness; six ways out.
-N_DEPTHS = 16
-OPENNESS = (0.02, 0.1, 0.25)
-N_PLACES = 6 * (len(OPENNESS) + 1)
-N_CELLS = N_DEPTHS * N_PLACES
-VOXEL_BYTES = 32
+# Cells: directions by classes of depths, in octaves of 1 + 8 optical depths.
+N_DEPTHS = 8
+N_CELLS = len(DIRECTIONS) * N_DEPTHS
 
 RECORDED_RAYS = 8
 RECORD_WORDS = 4
@@ -113,7 +110,7 @@ class Buffers:
         self.table_words = struct_dtype(GRID).itemsize // 4 + 2 * N_CELLS
         n_bytes = 4 * RECORD_WORDS * (RECORDED_RAYS + 1) * n_slots
         # A grid of one voxel, and thresholds of zero: no roulette.
-        self.table = memory.allocate("learned", 4 * self.table_words + VOXEL_BYTES, zero=True)
+        self.table = memory.allocate("learned", 4 * self.table_words + 32, zero=True)
         self.records = memory.allocate("learning records", n_bytes, zero=True)
         self.counts = memory.allocate("learning counts", 4 * N_CELLS * N_COUNTS, zero=True)
 
@@ -146,7 +143,7 @@ class Learning:
         shadow_threshold: float,
     ) -> None:
         self._memory, self._buffers = memory, buffers
-        self._start = np.repeat(np.float32([path_threshold, shadow_threshold]), N_CELLS)
+        self._start = np.repeat(np.array([path_threshold, shadow_threshold], np.float32), N_CELLS)
         enough = next((n for n in ENDS if n * n_pixels >= RECORDED_PATHS), ENDS[-1])
         self.ends = tuple(n for n in ENDS if n <= enough)
         grid, voxels = _packed(optical_depths(curves))
@@ -190,7 +187,7 @@ def thresholds(counts: np.ndarray, kept: float) -> tuple[np.ndarray, np.ndarray]
     `kept` is sqrt(V / C_0) of the picture. Means of cells are drawn towards those of all cells with
     the same optical depth, and these towards the mean of all.
     """
-    counts = counts.reshape(N_PLACES, N_DEPTHS, N_COUNTS)
+    counts = counts.reshape(len(DIRECTIONS), N_DEPTHS, N_COUNTS)
     exponents = np.arange(N_EXPONENTS) - 127.0
     square = OCTAVE * np.exp2(2.0 * exponents)
     square[[0, -1]] = 0.0  # nothing came back; no number
@@ -211,19 +208,11 @@ def thresholds(counts: np.ndarray, kept: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def _packed(depths: OpticalDepths) -> tuple[np.ndarray, np.ndarray]:
-    """The struct LearnedGrid, as words, and the parts of cells of every voxel, VOXEL_BYTES each."""
+    """The struct LearnedGrid as words; the class of depth of every voxel and direction as bytes."""
     grid = np.zeros((), struct_dtype(GRID))
     grid["corner"][:3], grid["corner"][3] = depths.corner, 1.0 / depths.voxel
     for name, size in zip(("nx", "ny", "nz"), depths.depths.shape, strict=False):
         grid[name] = size
-    before = np.minimum(2.0 * np.log2(1.0 + 8.0 * depths.depths), N_DEPTHS - 1)
-    passing = np.exp(-depths.depths)
-    length = np.maximum(np.linalg.norm(DIRECTIONS, axis=1), 1.0)
-    out = passing @ (DIRECTIONS / length[:, None])
-    axis = np.abs(out).argmax(axis=-1)
-    way = 2 * axis + (np.take_along_axis(out, axis[..., None], -1)[..., 0] > 0.0)
-    openness = (passing.sum(axis=-1) - 1.0) / 26.0
-    place = np.searchsorted(OPENNESS, openness) * 6 + way
-    voxels = np.zeros((*before.shape[:3], VOXEL_BYTES), np.uint8)
-    voxels[..., :27], voxels[..., 27] = before, place
-    return grid.reshape(1).view(np.uint32), voxels.ravel()
+    classes = np.minimum(np.log2(1.0 + 8.0 * depths.depths), N_DEPTHS - 1).astype(np.uint8).ravel()
+    # Filled up to whole words.
+    return grid.reshape(1).view(np.uint32), np.pad(classes, (0, -len(classes) % 4))
