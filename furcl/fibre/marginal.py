@@ -25,7 +25,7 @@ def marginals_from_sums(sums: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    (rows, phis, lobes) float32                 [1/rad], >= 0; positive for every lobe that is chosen
+    (rows, phis, lobes) float32                 [1/rad], >= 0; positive for every lobe chosen
                                                 in some row, wherever light is scattered at all
     """
     densities = np.asarray(sums, np.float64).sum(axis=1)

@@ -221,8 +221,8 @@ class Probe:
         Returns
         -------
         value : (n, 3) float32      [1/sr]; its mean is that of `evaluate` over h in [-1, 1]
-        pdf : (n,) float32          about the density of wi in `sample`, all lobes and h [1/sr]: what
-                                    the weights against samples of the light are made of
+        pdf : (n,) float32          about the density of wi in `sample`, all lobes and h [1/sr]:
+                                    weighs it against samples of the light
 
         Raises
         ------

@@ -58,8 +58,7 @@ static inline Bounce scatter_at_fibre(
     bounce.weight =
         (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.z);
 #if FURCL_LIGHT_SAMPLING
-    float of_lobe[FURCL_LOBES];
-    bounce.pdf = direction_density(fibre, in, d, of_lobe);
+    bounce.pdf = direction_density(fibre, in, d).sum;
 #endif
     return bounce;
 }

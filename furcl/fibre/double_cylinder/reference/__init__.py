@@ -27,6 +27,7 @@ from furcl.fibre.double_cylinder.reference.energy import (
     lobe_albedos,
     lobe_shares,
 )
+from furcl.fibre.double_cylinder.reference.far_field import far_field, offsets_at_azimuth
 from furcl.fibre.double_cylinder.reference.model import direction_pdf, evaluate
 from furcl.fibre.double_cylinder.reference.offsets import joint_densities
 from furcl.fibre.double_cylinder.reference.optics import (
@@ -58,11 +59,13 @@ __all__ = [
     "cuticle",
     "direction_pdf",
     "evaluate",
+    "far_field",
     "geometry",
     "joint_densities",
     "lobe_albedos",
     "lobe_shares",
     "m_p",
+    "offsets_at_azimuth",
     "pdf",
     "sample",
 ]
