@@ -10,8 +10,8 @@ Rays are told apart by cells (kernels/include/learning/adjoint.clh): the optical
 before them, and which of 26 directions they are nearest to. So any groom has them, and no surface
 is needed.
 
-The first samples of all pixels are recorded, and after some numbers of samples (`Learning.ends`)
-the thresholds are set from all that was recorded until then. Recorded samples count for the
+The first samples of all pixels are recorded, and after some numbers of samples (ENDS) the
+thresholds, constants until then, are set from all that was recorded. Recorded samples count for the
 picture: given all samples before it, the next one has the same mean whatever the chances are, as
 long as they are positive and fixed before it is taken; so the mean of a pixel's samples is without
 bias, and their differences from it are uncorrelated, so that the variance of the mean is too.
@@ -49,6 +49,7 @@ N_CELLS = len(DIRECTIONS) * N_DEPTHS
 
 RECORDED_RAYS = 8
 RECORD_WORDS = 4
+RECORDS = RECORD_WORDS * (RECORDED_RAYS + 1)  # words a path
 # Of each cell: rays by the exponent of what came back, rays that followed, rays that met nothing.
 N_EXPONENTS = 256
 N_COUNTS = N_EXPONENTS + 2
@@ -89,14 +90,18 @@ class LearningPart:
         return {}
 
 
-# Paths that are recorded, at least, and samples of a pixel after which they are learned from.
-RECORDED_PATHS = 1 << 17
-ENDS = (2, 4, 8, 16)
+# Samples of every pixel after which thresholds are set: the first of them, where that is so many
+# paths, else all.
+ENDS = (2, 4)
+ENOUGH_PATHS = 1 << 17
+# Paths that are recorded at most: sums of rays of all of them stay below 2^32.
+MOST_PATHS = 1 << 24
 
 # What a cell's neighbours weigh, in rays: cells of fewer rays are mostly as these are.
 PRIOR_RAYS = 64
-# Thresholds of paths are at most this: no throughput is raised above it by roulette.
-MAX_THRESHOLD = 4.0
+# Thresholds of paths are at most this, so that roulette raises no throughput above it, and at least
+# that, so that where all samples are nearly alike paths do not go on for ever.
+MAX_THRESHOLD, MIN_THRESHOLD = 4.0, 0.01
 # The least chance of a light sample to be seen that is believed.
 MIN_VISIBLE = 1.0 / 64.0
 # Mean square over the square of the least of numbers uniform in their logarithm within an octave.
@@ -108,10 +113,9 @@ class Buffers:
 
     def __init__(self, memory: Memory, n_slots: int) -> None:
         self.table_words = struct_dtype(GRID).itemsize // 4 + 2 * N_CELLS
-        n_bytes = 4 * RECORD_WORDS * (RECORDED_RAYS + 1) * n_slots
         # A grid of one voxel, and thresholds of zero: no roulette.
         self.table = memory.allocate("learned", 4 * self.table_words + 32, zero=True)
-        self.records = memory.allocate("learning records", n_bytes, zero=True)
+        self.records = memory.allocate("learning records", 4 * RECORDS * n_slots, zero=True)
         self.counts = memory.allocate("learning counts", 4 * N_CELLS * N_COUNTS, zero=True)
 
 
@@ -129,8 +133,8 @@ class Learning:
 
     Attributes
     ----------
-    ends : tuple of int         samples of every pixel after which the thresholds are set; paths of
-                                samples before the last are recorded
+    ends : tuple of int         paths after which the thresholds are set: whole samples
+    recorded : int              paths that are recorded: the first so many
     """
 
     def __init__(
@@ -144,8 +148,9 @@ class Learning:
     ) -> None:
         self._memory, self._buffers = memory, buffers
         self._start = np.repeat(np.array([path_threshold, shadow_threshold], np.float32), N_CELLS)
-        enough = next((n for n in ENDS if n * n_pixels >= RECORDED_PATHS), ENDS[-1])
-        self.ends = tuple(n for n in ENDS if n <= enough)
+        enough = next((n for n in ENDS if n * n_pixels >= ENOUGH_PATHS), ENDS[-1])
+        self.ends = tuple(n * n_pixels for n in ENDS if n <= enough)
+        self.recorded = min(self.ends[-1], MOST_PATHS)
         grid, voxels = _packed(optical_depths(curves))
         self._head = len(grid)
         memory.release("learned", buffers.table)
@@ -158,9 +163,10 @@ class Learning:
         fill(self._memory.device.queue, self._buffers.counts, 0, self._buffers.counts.size)
         self._set(self._start)
 
-    def next_end(self, samples: int) -> int | None:
-        """The number of samples at which the thresholds are set next; None: they stay."""
-        return next((n for n in self.ends if n > samples), None)
+    def end_of_wave(self, done: int, end: int) -> int:
+        """Where a wave that begins with path `done` ends at most: at `end`, where thresholds are
+        set, or where recording ends."""
+        return min(n for n in (end, self.recorded, *self.ends) if n > done)
 
     def update(self, variance: float, rays: float) -> None:
         """Set the thresholds.
@@ -202,7 +208,7 @@ def thresholds(counts: np.ndarray, kept: float) -> tuple[np.ndarray, np.ndarray]
     with np.errstate(divide="ignore", invalid="ignore"):
         paths = kept * np.sqrt(np.maximum(cost, 1.0) / worth)
     return (
-        np.minimum(np.nan_to_num(paths, nan=MAX_THRESHOLD), MAX_THRESHOLD),
+        np.clip(np.nan_to_num(paths, nan=MAX_THRESHOLD), MIN_THRESHOLD, MAX_THRESHOLD),
         kept / np.sqrt(np.maximum(visible, MIN_VISIBLE)),
     )
 

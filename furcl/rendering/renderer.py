@@ -133,7 +133,7 @@ class Renderer:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
                     break
-                wave = self._next_wave(self._end_of_wave(end))
+                wave = self._next_wave(end)
                 self._trace(wave)
                 if not self.paths_done:
                     self.device.queue.finish()
@@ -151,20 +151,13 @@ class Renderer:
             self.seconds["render"] = self.seconds.get("render", 0.0) + passed
         return self.paths_done == end
 
-    def _end_of_wave(self, end: int) -> int:
-        """The paths that are done when the next wave ends, at most: `end`, or where something is
-        learned before."""
-        learning = self.setup.learning
-        samples = learning.next_end(self.samples_done) if learning else None
-        return end if samples is None else min(end, samples * self.n_pixels)
-
     def _learn(self) -> None:
-        """Learn from the samples so far, if there are as many as then."""
+        """Set what is learned, if that is due after so many paths."""
         learning = self.setup.learning
-        if learning and self.paths_done in (n * self.n_pixels for n in learning.ends):
-            _, variance, _ = self.film.read(self.memory)
-            of_sample = float(variance.mean(dtype=np.float64)) * self.samples_done
-            learning.update(of_sample, self.rays / self.paths_done)
+        if learning and self.paths_done in learning.ends:
+            _, variance, samples = self.film.read(self.memory)
+            of_samples = variance.mean(axis=2, dtype=np.float64) * samples
+            learning.update(float(of_samples.mean()), self.rays / self.paths_done)
 
     def _trace(self, wave: np.ndarray) -> None:
         """One wave from the camera to the film.
@@ -214,10 +207,12 @@ class Renderer:
         """The struct Wave of the paths from `paths_done` on."""
         sample, pixel = divmod(self.paths_done, self.n_pixels)
         wave = self._wave.copy()
+        learning = self.setup.learning
+        if learning:
+            end = learning.end_of_wave(self.paths_done, end)
+            wave["recording"] = self.paths_done < learning.recorded
         wave["first_pixel"], wave["first_sample"] = pixel, sample
         wave["n_paths"] = min(self.wave_size.paths, end - self.paths_done)
-        learning = self.setup.learning
-        wave["recording"] = learning is not None and learning.next_end(sample) is not None
         wave["seed"] = self.scene.render.seed
         return wave
 
