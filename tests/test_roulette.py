@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from direction_statistics import sidak
 from kernel_harness import call
+from model_checks import furnace_z
 from scene_documents import fur_patch
 from scipy import stats
 
@@ -80,6 +81,18 @@ def test_roulette_without_its_weight_is_seen(device, seed, reference, monkeypatc
     image = furcl.render(_scene(seed, **VARIANTS[name]), device=device)
     z, n = _largest_z(image, reference)
     assert z > stats.norm.isf(sidak(n * len(VARIANTS)) / 2)
+
+
+@pytest.mark.statistical
+def test_white_fur_vanishes_in_a_furnace(device, seed):
+    """By learned roulette, within 4 standard errors; mutant: a cortex that absorbs."""
+    scene = with_overrides(
+        fur_patch(spp=32, residual=True, **VARIANTS["adjoint"]),
+        ["environment={kind='constant', radiance=1.0}", "fibre.sigma_ma=0.0"],
+        seed=seed,
+    )
+    assert abs(furnace_z(with_overrides(scene, ["fibre.sigma_ca=0.0"]), device)) < 4.0
+    assert furnace_z(with_overrides(scene, ["fibre.sigma_ca=0.03"]), device) < -4.0
 
 
 def test_roulette_raises_no_throughput_above_the_threshold(device, rng):
