@@ -47,7 +47,7 @@ def test_offsets_leave_at_their_azimuth(lobe, theta):
 def test_a_smooth_fibre_sends_light_where_its_offsets_say(lobe, phi):
     """N_p of a narrow lobe is the sum of A_p / (2 |dPhi_p / dh|) over the offsets; 1e-3 measured
     of beta_n 0.1 degrees."""
-    fibre = Fibre(eta=1.5, beta_n_deg=0.1, alpha_deg=0.0, layers=0.5, sigma_ca=(0.3,) * 3)
+    fibre = Fibre(eta=1.5, beta_n_deg=0.1, alpha_deg=0.0, layers=0.5, sigma_ca=(0.3, 0.3, 0.3))
     theta, p = 0.4, bcsdf.LOBES.index(lobe)
     wi = np.array([-np.sin(theta), np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi)])
     far = bcsdf.far_field(fibre, wo_at(theta), wi, lobe=lobe, n=65_536)[0]

@@ -21,6 +21,7 @@ from furcl.fibre.material import NEGLIGIBLE_SHARE
 from furcl.groom.curves import Curves
 from furcl.light import kinds as lights
 from furcl.paths import scene_folder
+from furcl.rendering.learning import LearningPart
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
 from furcl.rendering.specialise import everything_on
@@ -50,6 +51,8 @@ VALUES = {
     "filter": FILTERS,
     "sequence": SEQUENCES,
     "roulette": (False, True),
+    "shadow_roulette": (False, True),
+    "learning": (None, LearningPart()),
     "variance": (False, True),
     "planned": (False, True),
     "statistics": (False, True),
@@ -80,6 +83,8 @@ def _reachable(values):
     if values["scattered"] and not values["medulla"]:
         return False
     if values["profile_channels"] and not values["scattered"]:
+        return False
+    if values["shadow_roulette"] and not values["light_sampling"]:
         return False
     return not (values["channels"] == 1 and values["profile_channels"] == 3)
 
@@ -241,7 +246,9 @@ ABSENT = [
     ({"planned": False}, "generate", ("planned_sample(", "PS_SAMPLE")),
     ({"planned": False}, "shade", ("PS_SAMPLE",)),
     ({"planned": False}, "add_to_film", ("keep_pilot(", "pilots", "planned_paths(")),
-    ({"roulette": False}, "shade", ("throughput /= largest",)),
+    ({"roulette": False}, "shade", ("throughput /= keep_next",)),
+    ({"learning": None}, "shade", ("learned_cell(", "record_arrival(")),
+    ({"shadow_roulette": False}, "shade", ("light /= keep_shadow",)),
     ({"sampler": "uniform-h"}, "sample_lobe_h", ("search_remainder(bins",)),
     ({"sequence": "independent"}, "generate", ("sobol_point(", "0x3d20adea")),
     ({"sequence": "independent"}, "shade", ("sobol_", "0x3d20adea")),
@@ -252,7 +259,7 @@ ABSENT = [
 def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
-        "sequence": "sobol", "planned": True,
+        "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

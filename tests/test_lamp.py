@@ -211,7 +211,7 @@ def test_a_fibre_has_the_light_of_the_lamp(device, factor, rng):
     lamp is large, they would have 8 % of it.
     """
     with registered_lamp():
-        scene = decode_scene(lit_fibre({**SPHERE, "radius": 1.5}, spp=4096))
+        scene = decode_scene(lit_fibre({**SPHERE, "radius": 1.5}, spp=16384))
         found = picture(device, scene, strands())
         light = scene.build_light()
     n = 200_000

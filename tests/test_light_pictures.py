@@ -69,6 +69,7 @@ def furnace_z(device, seed, sampling) -> float:
         ["environment={kind='constant', radiance=1.0}"],
     )  # fmt: skip
     image = furcl.render(scene, device=device)
+    assert image.variance is not None
     error = np.sqrt(image.variance[..., 0].astype(np.float64).sum()) / image.variance[..., 0].size
     return float((image.rgb[..., 0].mean(dtype=np.float64) - 1.0) / error)
 

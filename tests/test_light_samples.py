@@ -60,7 +60,9 @@ def test_whatever_the_sampler(device, seed, sampling):
     "fibre",
     [
         pytest.param(Fibre(eta=1.02, beta_n_deg=10.0), id="TT nearly straight"),
-        pytest.param(Fibre(eta=1.5, beta_n_deg=1.0, sigma_ca=(0.01,) * 3), id="narrow and clear"),
+        pytest.param(
+            Fibre(eta=1.5, beta_n_deg=1.0, sigma_ca=(0.01, 0.01, 0.01)), id="narrow and clear"
+        ),
         pytest.param(Fibre(eta=2.5, beta_n_deg=100.0, beta_m_deg=40.0), id="dense and broad"),
         *(pytest.param(FIBRES[name], id=name) for name in ("coloured", "all medulla")),
     ],

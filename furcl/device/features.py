@@ -43,8 +43,8 @@ class Part(Protocol):
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
-    The parts are the virtual includes <fibre>, <sampler>, <light> and <surface>; None where a
-    kernel has nothing to do with them, or the scene has none.
+    The parts are the virtual includes <fibre>, <sampler>, <light>, <surface> and <learning>; None
+    where a kernel has nothing to do with them, or the scene has none.
 
     Attributes
     ----------
@@ -52,6 +52,7 @@ class Features:
     sampler : Part or None      how lobe and offset h are chosen, see furcl.fibre.samplers
     light : Part or None        see furcl.light
     surface : Part or None      a surface beside the strands, see furcl.surface
+    learning : Part or None     what is learned while rendering, see furcl.rendering.learning
     channels : int              3 for RGB, 1 where fibre, surface and light are grey
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
@@ -59,6 +60,7 @@ class Features:
     filter : str                one of layout.FILTERS
     sequence : str              of random numbers, one of layout.SEQUENCES
     roulette : bool             Russian roulette within the depth limit
+    shadow_roulette : bool      Russian roulette of light samples
     variance : bool             film keeps second moments
     planned : bool              a plan says how many samples each pixel takes
     statistics : bool           counters of lobes and path lengths
@@ -69,6 +71,7 @@ class Features:
     sampler: Part | None = None
     light: Part | None = None
     surface: Part | None = None
+    learning: Part | None = None
     channels: int = 3
     light_sampling: bool = False
     point_radii: bool = True
@@ -76,6 +79,7 @@ class Features:
     filter: str = "gaussian"
     sequence: str = "independent"
     roulette: bool = True
+    shadow_roulette: bool = False
     variance: bool = True
     planned: bool = False
     statistics: bool = True
@@ -102,6 +106,7 @@ class Features:
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_SURFACE"] = int(self.surface is not None)
+        values["FURCL_LEARNING"] = int(self.learning is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
         values |= NO_SAMPLER
         for part in self.parts.values():
@@ -133,5 +138,11 @@ class Features:
 # What a sampler's part defines, for kernels without one.
 NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0}
 
-PARTS = ("fibre", "sampler", "light", "surface")
-PLAIN_NAMES = {"fibre": "model", "sampler": "sampling", "light": "environment", "surface": "body"}
+PARTS = ("fibre", "sampler", "light", "surface", "learning")
+PLAIN_NAMES = {
+    "fibre": "model",
+    "sampler": "sampling",
+    "light": "environment",
+    "surface": "body",
+    "learning": "learning",
+}

@@ -167,7 +167,11 @@ STRUCTS: dict[str, Fields] = {
         ("n_paths", "uint"),
         ("n_slots", "uint"),  # of the path state, a multiple of STATE_BLOCK
         ("seed", "uint"),
-        ("roulette_depth", "uint"),
+        ("roulette_depth", "uint"),  # from here on paths whose throughput is below ...
+        ("roulette_threshold", "float"),  # ... this may end
+        ("shadow_threshold", "float"),  # light samples that bring less may be left out
+        ("recording", "uint"),  # whether what is learned from is noted
+        ("unused", "uint"),
     ),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -80,6 +81,8 @@ class SamplePlan:
     film : Film             with the buffers of a plan
     even : bool             all pixels take the same number
     target : Target or None         error to stop at
+    stops : ints            samples of every pixel at which a step ends; at most as many as the
+                            first plan rests on
 
     Attributes
     ----------
@@ -88,13 +91,18 @@ class SamplePlan:
     """
 
     def __init__(
-        self, memory: Memory, film: Film, even: bool = False, target: Target | None = None
+        self,
+        memory: Memory,
+        film: Film,
+        even: bool = False,
+        target: Target | None = None,
+        stops: Sequence[int] = (),
     ) -> None:
         if film.plan is None:
             raise ValueError("the film has no buffers of a plan")
         self._memory, self._queue = memory, memory.device.queue
         self._film, self._buffers = film, film.plan
-        self._even, self._target = even, target
+        self._even, self._target, self._stops = even, target, stops
         self._order = tile_order(film.width, film.height)
         colour = allocation.checkerboard(film.height, film.width)
         self._colours = (colour, ~colour) if film.width * film.height > 1 else (colour,)
@@ -158,7 +166,7 @@ class SamplePlan:
             return False
         most = MOST_PATHS // self.counts.size
         self._goals = [
-            max(goal, min(end, goal + most, allocation.next_goal(goal)))
+            max(goal, min(end, goal + most, allocation.next_goal(goal), self._stop_after(goal)))
             for goal, end in zip(before, self._ends, strict=True)
         ]
         taken = self.counts
@@ -170,6 +178,9 @@ class SamplePlan:
         self._done = 0
         self._buffers.send(self._queue, self._starts, self._first)
         return True
+
+    def _stop_after(self, goal: float) -> float:
+        return min((stop for stop in self._stops if stop > goal), default=math.inf)
 
     def _ask_what_is_needed(self, target: Target) -> None:
         """Samples a pixel, on average, that each colour needs: those that bring the error of the

@@ -23,7 +23,7 @@ from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
 from furcl.rendering.target import Target
-from furcl.rendering.wavefront import QueueLengths
+from furcl.rendering.wavefront import QueueLengths, Wavefront
 from furcl.scene.read import with_overrides
 from furcl.scene.tables import MOST_SPP, Scene
 from furcl.version import software
@@ -102,7 +102,10 @@ class Renderer:
         self.plan: SamplePlan | None = None
         if self.film.plan:
             even = scene.render.allocation == "even"
-            self.plan = SamplePlan(self.memory, self.film, even, target)
+            learning = self.setup.learning
+            stops = [n // self.n_pixels for n in learning.ends] if learning else []
+            self.plan = SamplePlan(self.memory, self.film, even, target, stops)
+        self._wave = _wave_of(scene, self.wavefront)
         self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
         self._forget_counts()
 
@@ -123,6 +126,8 @@ class Renderer:
         if self.plan:
             self.plan.restart()
         self._forget_counts()
+        if self.setup.learning:
+            self.setup.learning.forget()
         self.seconds.pop("render", None)
 
     def _forget_counts(self) -> None:
@@ -158,6 +163,7 @@ class Renderer:
                     self.device.queue.finish()
                     log.debug(FIRST_SAMPLES)
                 self.paths_done += int(wave["n_paths"])
+                self._learn()
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
                     self._count_lobes()
                 expected = self._end_expected(end)
@@ -174,6 +180,14 @@ class Renderer:
         """Paths of the whole render, of which there are at most `end`."""
         return max(self.paths_done, min(end, self.plan.paths_needed)) if self.plan else end
 
+    def _learn(self) -> None:
+        """Set what is learned, if that is due after so many paths."""
+        learning = self.setup.learning
+        if learning and self.paths_done in learning.ends:
+            _, variance, samples = self.film.read(self.memory)
+            of_samples = variance.mean(axis=2, dtype=np.float64) * samples
+            learning.update(float(of_samples.mean()), self.rays / self.paths_done)
+
     def _trace(self, wave: np.ndarray, n_pixels: int) -> None:
         """One wave, with paths of so many pixels, from the camera to the film.
 
@@ -186,7 +200,7 @@ class Renderer:
         lengths = None
         for depth in range(self.scene.render.max_depth + 1):
             stages.intersect_closest(wave, active)
-            stages.shade_escaped(wave, active)
+            stages.shade_escaped(wave, active, depth)
             if depth < self.scene.render.max_depth:
                 stages.scatter(wave, active, depth)
                 stages.intersect_shadow(wave, active)
@@ -195,6 +209,7 @@ class Renderer:
                 active = self._count_rays(before)
                 if not active:
                     break
+        stages.learn(wave)
         stages.add_to_film(wave, n_pixels)
         if lengths:
             self._count_rays(lengths)
@@ -219,14 +234,16 @@ class Renderer:
 
     def _next_wave(self, end: int) -> tuple[np.ndarray, int]:
         """The struct Wave of the paths from `paths_done` on, and the number of their pixels."""
-        wave = np.zeros((), layout.struct_dtype("Wave"))
-        wave["width"], wave["height"] = self.film.width, self.film.height
-        wave["n_slots"] = self.wavefront.n_slots
+        wave = self._wave.copy()
         wave["seed"] = self.scene.render.seed
-        wave["roulette_depth"] = self.scene.render.roulette_depth
+        spp = -(-end // self.n_pixels)
+        learning = self.setup.learning
+        if learning:
+            end = learning.end_of_wave(self.paths_done, end)
+            wave["recording"] = self.paths_done < learning.recorded
         n_paths = min(self.wave_size.paths, end - self.paths_done)
         if self.plan:
-            return wave, self.plan.cut(wave, n_paths, -(-end // self.n_pixels))
+            return wave, self.plan.cut(wave, n_paths, spp)
         wave["first_sample"], wave["first_pixel"] = divmod(self.paths_done, self.n_pixels)
         wave["n_paths"] = n_paths
         return wave, min(n_paths, self.n_pixels)
@@ -289,6 +306,17 @@ class Renderer:
             "wave_size": self.wave_size.paths,
             "wave_size_from": self.wave_size.origin,
         }
+
+
+def _wave_of(scene: Scene, wavefront: Wavefront) -> np.ndarray:
+    """The struct Wave with what all waves of a scene have alike."""
+    wave = np.zeros((), layout.struct_dtype("Wave"))
+    wave["width"], wave["height"] = scene.film.width, scene.film.height
+    wave["n_slots"] = wavefront.n_slots
+    wave["roulette_depth"] = scene.render.first_roulette
+    wave["roulette_threshold"] = scene.render.survival_threshold
+    wave["shadow_threshold"] = scene.render.shadow_threshold
+    return wave
 
 
 def render(

@@ -23,6 +23,7 @@ from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
 from furcl.light.model import Light
 from furcl.rendering.film import Film
+from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
 from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
@@ -38,8 +39,9 @@ class Setup:
     ----------
     memory : Memory             holds all buffers
     features : Features         of the scene; the material's are these with its parts
+    learning : Learning or None     where something is learned while rendering
     seconds : dict              curves (from here on), bvh, tables, compile [s]; the first two pass
-                                while the next two do
+                                while the next two do; learning [s] where there is some
     n_negative : int            values of the light below zero, which were set to zero
     """
 
@@ -48,6 +50,7 @@ class Setup:
     material: FibreMaterial
     film: Film
     wavefront: Wavefront
+    learning: Learning | None
     wave_size: WaveSize
     n_segments: int
     n_negative: int
@@ -123,6 +126,17 @@ def set_up(
         )
         with timed("compile"):
             wavefront = _wavefront(memory, scene, features, material, light, film, grown, size)
+        learning = None
+        if wavefront.learning:
+            with timed("learning"):
+                learning = Learning(
+                    memory,
+                    wavefront.learning,
+                    grown,
+                    scene.film.width * scene.film.height,
+                    scene.render.survival_threshold,
+                    scene.render.shadow_threshold,
+                )
         built = tree.result()
         wavefront.place(built.arguments())
     return Setup(
@@ -131,6 +145,7 @@ def set_up(
         wavefront.material,
         film,
         wavefront,
+        learning,
         size,
         built.n_segments,
         light.n_negative,

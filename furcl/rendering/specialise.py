@@ -9,6 +9,7 @@ from furcl.errors import SceneError
 from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
 from furcl.fibre.model import model_of
 from furcl.light.model import Light
+from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
@@ -44,7 +45,9 @@ def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = F
     )
     grey = model_of(fibre).is_grey(fibre) and light.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
+    adjoint = render.roulette == "adjoint"
     return Features(
+        learning=LearningPart() if adjoint else None,
         light=light.part(),
         surface=scene.body.part if scene.body is not None else None,
         channels=1 if grey else 3,
@@ -52,8 +55,9 @@ def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = F
         lens=scene.camera.aperture_radius > 0.0,
         filter=scene.film.filter,
         sequence=render.sequence,
-        roulette=render.roulette_depth < render.max_depth,
-        variance=render.variance,
+        roulette=render.first_roulette < render.max_depth,
+        shadow_roulette=light_sampling and (adjoint or render.shadow_threshold > 0.0),
+        variance=render.variance or adjoint,
         planned=planned,
         statistics=render.statistics,
         debug=switched_on("FURCL_DEBUG"),
@@ -73,6 +77,7 @@ def everything_on(features: Features) -> Features:
         surface=features.surface or ABSENT.part,
         lens=True,
         roulette=True,
+        shadow_roulette=True,
         variance=True,
         planned=True,
         statistics=True,
@@ -92,6 +97,8 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "sobol": (features.sequence == "sobol", "samples of a pixel are independent"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),
+        "shadow_roulette": (features.shadow_roulette, "every light sample is tested"),
+        "learning": (features.learning is not None, "roulette is not adjoint: nothing is learned"),
         "tables": (tables, "the sampler needs no attenuation tables"),
         "variance": (features.variance, "no variance was asked for"),
         "planned": (features.planned, "all pixels take the same number of samples"),

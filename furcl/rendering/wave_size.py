@@ -8,6 +8,7 @@ from furcl.device import layout
 from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.errors import ResourceError
+from furcl.rendering.learning import RECORDS
 from furcl.values import is_whole, shown
 
 # Renders on CPUs are as fast with any size from 2^14 to 2^18 within a few percent, and PoCL
@@ -61,7 +62,8 @@ def choose_wave_size(device: Device, features: Features, asked: int | None = Non
 
 
 def affordable(device: Device, features: Features) -> int:
-    """Paths whose state and entries in the five queues fit the device's memory and buffers."""
+    """Paths whose state, records and entries in the five queues fit the device's memory."""
     n_planes = len(layout.planes(features))
-    in_memory = MEMORY_SHARE * device.cl_device.global_mem_size / (4 * (n_planes + 5))
-    return int(min(in_memory, device.max_allocation_bytes / (4 * n_planes)))
+    n_records = 0 if features.learning is None else RECORDS
+    in_memory = MEMORY_SHARE * device.cl_device.global_mem_size / (4 * (n_planes + n_records + 5))
+    return int(min(in_memory, device.max_allocation_bytes / (4 * max(n_planes, n_records))))

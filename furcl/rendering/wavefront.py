@@ -25,6 +25,7 @@ from furcl.device.memory import Memory, fill
 from furcl.device.source import kernel_text
 from furcl.fibre.material import FibreMaterial
 from furcl.rendering.film import Film
+from furcl.rendering.learning import Buffers
 
 RAY_STAGES = ("intersect_closest", "intersect_shadow")
 MATERIAL_STAGES = ("sample_lobe_h", "shade")
@@ -43,6 +44,8 @@ def stage_files(features: Features) -> dict[str, str]:
     }
     if features.surface is not None:
         files["shade_surface"] = "stages/shade_surface.cl"
+    if features.learning is not None:
+        files["learn"] = "stages/learn.cl"
     if features.light_sampling:
         files["intersect_shadow"] = "stages/intersect.cl"
     return files
@@ -166,6 +169,7 @@ class Wavefront:
         )
         self._n_lobes = len(material.lobes)
         self.lobe_counts = memory.allocate("lobe counts", 4 * self._n_lobes, zero=True)
+        self.learning = None if features.learning is None else Buffers(memory, n_slots)
         self.geometry = no_geometry(memory)
         self._warm_up()
 
@@ -214,9 +218,10 @@ class Wavefront:
             fill(self.queue, self.active_counts, 0, 4)
             self._launch_generate(wave, n)
             self.intersect_closest(wave, n)
-            self.shade_escaped(wave, n)
+            self.shade_escaped(wave, n, 0)
             self.scatter(wave, n, 0)
             self.intersect_shadow(wave, n)
+            self._launch_learn(wave, n)
             self._launch_film(wave, n)
         self.queue.finish()
 
@@ -252,10 +257,17 @@ class Wavefront:
             *self._surface,
         )
 
-    def shade_escaped(self, wave: np.ndarray, active: int) -> None:
+    def shade_escaped(self, wave: np.ndarray, active: int, depth: int) -> None:
         """Add the light to the paths that met nothing; they end."""
         self._launch(
-            "shade_escaped", active, self.state, self.misses, self.counts, wave, self.light
+            "shade_escaped",
+            active,
+            self.state,
+            self.misses,
+            self.counts,
+            wave,
+            self.light,
+            *([np.uint32(depth), self.learning.records] if self.learning else []),
         )
 
     def scatter(self, wave: np.ndarray, active: int, depth: int) -> None:
@@ -280,6 +292,11 @@ class Wavefront:
             self.lobe_counts,
         )
 
+    @property
+    def _learned(self) -> list[cl.Buffer]:
+        """What is learned, and the records to learn more."""
+        return [self.learning.table, self.learning.records] if self.learning else []
+
     def shade(self, wave: np.ndarray, active: int, depth: int) -> None:
         """Continue the paths that met a fibre: fills the next and shadow queues."""
         self._launch(
@@ -295,6 +312,7 @@ class Wavefront:
             self.vertices,
             self.material.buffer,
             self.light,
+            *self._learned,
         )
 
     def shade_surface(self, wave: np.ndarray, active: int, depth: int) -> None:
@@ -311,6 +329,7 @@ class Wavefront:
             np.uint32(depth),
             *self._surface,
             self.light,
+            *self._learned,
         )
 
     def intersect_shadow(self, wave: np.ndarray, active: int) -> None:
@@ -333,6 +352,15 @@ class Wavefront:
         self.active, self.next = self.next, self.active
         self.active_counts, self.counts = self.counts, self.active_counts
         return lengths
+
+    def learn(self, wave: np.ndarray) -> None:
+        """Count what came back along the rays of finished paths, if they are recorded."""
+        if wave["recording"]:
+            self._launch_learn(wave, int(wave["n_paths"]))
+
+    def _launch_learn(self, wave: np.ndarray, n: int) -> None:
+        if self.learning:
+            self._launch("learn", n, self.state, self.learning.records, self.learning.counts, wave)
 
     def add_to_film(self, wave: np.ndarray, n_pixels: int) -> None:
         """Add the wave's finished paths to the film, which belong to so many pixels."""

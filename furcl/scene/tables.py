@@ -80,10 +80,22 @@ class Render(Table, frozen=True, kw_only=True):
                             light
     allocation : str        "even" gives every pixel the same number of samples, "adaptive" more to
                             those with larger errors
-    roulette_depth : int    from here on paths may end at random, without bias [bounces]
     sequence : str          random numbers of a pixel's samples: "independent", or "sobol", spread
                             evenly, for less noise; the variance that the film keeps is then an
                             upper bound
+    roulette : str          when paths may end at random, without bias: "depth" from a depth on with
+                            their throughput as the chance to go on, "throughput" from the first
+                            bounce with their throughput over a threshold, "adjoint" with one
+                            that is learned in the first samples from what rays brought, for light
+                            samples too
+    roulette_depth : int    from here on paths may end at random; with roulette = "depth" 8 if left
+                            out, else 0 [bounces]
+    roulette_threshold : float  a path goes on with its throughput over this as its chance; with
+                            roulette = "depth" 1 if left out, else 0.3; with "adjoint" that
+                            is until something is learned
+    shadow_threshold : float    light samples are tested with what they bring to the picture over
+                            this as their chance, without bias; 0 tests all; with roulette =
+                            "adjoint" that is until something is learned [radiance]
     residual : bool         add the light of two and more reflections inside a fibre, so that white
                             fibres conserve energy
     variance : bool         keep the variance of every pixel
@@ -98,14 +110,31 @@ class Render(Table, frozen=True, kw_only=True):
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
     allocation: Literal["even", "adaptive"] = "even"
-    roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] = 8
     sequence: Sequence = "independent"
+    roulette: Literal["depth", "throughput", "adjoint"] = "depth"
+    roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] | None = None
+    roulette_threshold: Annotated[float, Meta(ge=1e-6, le=1e6)] | None = None
+    shadow_threshold: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
     residual: bool = False
     variance: bool = True
     statistics: bool = True
 
     def __post_init__(self) -> None:
         samplers.find(self.sampling)
+
+    @property
+    def first_roulette(self) -> int:
+        """The depth from which paths may end at random [bounces]."""
+        if self.roulette_depth is not None:
+            return self.roulette_depth
+        return 8 if self.roulette == "depth" else 0
+
+    @property
+    def survival_threshold(self) -> float:
+        """The throughput below which they may."""
+        if self.roulette_threshold is not None:
+            return self.roulette_threshold
+        return 1.0 if self.roulette == "depth" else 0.3
 
 
 @dataclass(frozen=True)

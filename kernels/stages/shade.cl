@@ -63,12 +63,19 @@ static inline Bounce scatter_at_fibre(
 __kernel void shade(
     __global float* state, __global const uint* hit_queues, __global uint* next_queue,
     __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
-    __global const StoredVertex* vertices, __global const float* material, __global const float* light)
+    __global const StoredVertex* vertices, __global const float* material, __global const float* light
+#if FURCL_LEARNING
+    , __global const float* table, __global uint* records
+#endif
+    )
 {
     const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_FIBRE];
     const Paths paths = {state, wave.n_slots};
     __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_FIBRE * wave.n_slots;
     const Fibre fibre = fibre_of(material);
+#if FURCL_LEARNING
+    const Learned learned = learned_of(table, records, &wave);
+#endif
     Appended next, shadows;
     next.n = shadows.n = 0u;
     fetch_vertices_early(paths, hit_queue, n_hits, vertices);
@@ -96,7 +103,11 @@ __kernel void shade(
 #endif
             add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), sampler_xi);
 #endif
-            const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce);
+            const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce
+#if FURCL_LEARNING
+                , &learned
+#endif
+                );
             if (to.next) append_slot(&next, slot);
             if (to.shadow) append_slot(&shadows, slot);
         }

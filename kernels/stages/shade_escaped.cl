@@ -6,10 +6,17 @@
    next     film */
 #include "core/paths.clh"
 #include <light>
+#if FURCL_LEARNING
+#include <learning>
+#endif
 
 __kernel void shade_escaped(
     __global float* state, __global const uint* miss_queue, __global const uint* counts,
-    const Wave wave, __global const float* light)
+    const Wave wave, __global const float* light
+#if FURCL_LEARNING
+    , const uint depth, __global uint* records
+#endif
+    )
 {
     const uint n_misses = counts[FURCL_COUNT_MISSES];
     const Paths paths = {state, wave.n_slots};
@@ -22,6 +29,12 @@ __kernel void shade_escaped(
         const float pdf = path_float(paths, PS_DIR_PDF, slot);
         if (pdf > 0.0f)
             radiance *= pdf / (pdf + light_density(light, path_float3(paths, PS_ORIGIN, slot), direction));
+#endif
+#if FURCL_LEARNING
+        if (wave.recording) {
+            const Learned learned = {0, records, wave.n_slots};
+            record_arrival(&learned, depth, slot, spectrum_mean(path_spectrum(paths, PS_RADIANCE, slot)), true);
+        }
 #endif
         set_path_spectrum(paths, PS_RADIANCE, slot,
             path_spectrum(paths, PS_RADIANCE, slot) + path_spectrum(paths, PS_THROUGHPUT, slot) * radiance);

@@ -37,11 +37,18 @@ static inline Bounce scatter_at_surface(
 __kernel void shade_surface(
     __global float* state, __global const uint* hit_queues, __global uint* next_queue,
     __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
-    const SurfaceParams surface, __global const float* light)
+    const SurfaceParams surface, __global const float* light
+#if FURCL_LEARNING
+    , __global const float* table, __global uint* records
+#endif
+    )
 {
     const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_SURFACE];
     const Paths paths = {state, wave.n_slots};
     __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_SURFACE * wave.n_slots;
+#if FURCL_LEARNING
+    const Learned learned = learned_of(table, records, &wave);
+#endif
     Appended next, shadows;
     next.n = shadows.n = 0u;
     for (uint k = 0; k < FURCL_PATHS_PER_ITEM && queue_entry(k) < n_hits; k++) {
@@ -57,7 +64,11 @@ __kernel void shade_surface(
         light_xi = uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
 #endif
         const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi);
-        const PathQueues to = continue_path(paths, slot, p.index, p.sample, &wave, depth, &bounce);
+        const PathQueues to = continue_path(paths, slot, p.index, p.sample, &wave, depth, &bounce
+#if FURCL_LEARNING
+            , &learned
+#endif
+            );
         if (to.next) append_slot(&next, slot);
         if (to.shadow) append_slot(&shadows, slot);
     }
