@@ -15,7 +15,7 @@ static float body_t(float3 origin, float3 direction)
 {
     const SurfaceParams body = {(float4)(0.3f, -0.2f, 0.5f, 0.0f), (float4)(2.0f, 1.0f, 0.5f, 0.0f),
                        (float4)(0.0f)};
-    const Query query = {origin, normalize(direction), 0.0f, FURCL_NO_SEGMENT};
+    const Query query = {origin, normalize(direction), FURCL_NO_SEGMENT};
     Hit hit = {1e30f, 0.5f, FURCL_NO_SEGMENT};
     const bool found = surface_hit(&body, &query, &hit);
     if (found != (hit.segment == FURCL_SURFACE_HIT)) return -2.0f;
