@@ -30,7 +30,7 @@ BASELINE = {
 }
 STEPS = {
     "light samples": {"light_sampling": "mis"},
-    "roulette": {"roulette": "adjoint"},
+    "roulette": {"roulette": "adjoint", "roulette_depth": "0"},
     "Sobol": {"sequence": "sobol"},
     "adaptive": {"allocation": "adaptive"},
 }
@@ -121,7 +121,8 @@ def variants(light: str = "sky") -> list[str]:
             found.append((name + SUFFIX, {**settings, **PROPOSED}))
     defaults = Render()
     keys = {key: None for settings in (base, *steps.values()) for key in settings}
-    shipped = {key: str(getattr(defaults, key)) for key in keys}
+    values = {key: getattr(defaults, key) for key in keys}
+    shipped = {key: str(value) for key, value in values.items() if value is not None}
     return [_text(name, settings) for name, settings in [*found, (SHIPPED, shipped)]]
 
 
