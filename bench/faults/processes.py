@@ -156,9 +156,7 @@ def _signalled(number: int, times: int, after: str, folder: Path, quick: bool) -
     out, fresh = folder / "a.exr", _own_caches(folder)
     env = fresh if after == "device" else environment()
     command = [*FURCL, "-v", "render", "single_fibre", "--size", "128x128", "--spp", "1000000"]
-    child = start(
-        [*command, "-o", str(out)], env, start_new_session=True, preexec_fn=_heed_signals
-    )
+    child = start([*command, "-o", str(out)], env, start_new_session=True, preexec_fn=_heed_signals)
     said = []
     assert child.stderr
     for line in child.stderr:
