@@ -8,6 +8,10 @@ from pathlib import Path
 
 from furcl.errors import FurclError
 
+# Libraries, the OpenCL runtime and its compiler take as much before a scene is there. With less,
+# threads of the runtime may wait for ever.
+ADDRESS_SPACE_BYTES = 950 << 20
+
 
 def available_bytes() -> int:
     """What this process can still allocate [bytes]: memory of the machine, within its limit.
@@ -31,6 +35,17 @@ def available_bytes() -> int:
             used = 0
         free = min(free, max(limit - used, 0))
     return free
+
+
+def little_address_space() -> str:
+    """What to say where this process may have less address space than furcl needs; else ""."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY or limit >= ADDRESS_SPACE_BYTES:
+        return ""
+    return (
+        f"this process may use {limit / 2**20:.0f} MiB of address space, furcl needs "
+        f"{ADDRESS_SPACE_BYTES / 2**20:.0f}; raise the limit: ulimit -v"
+    )
 
 
 def require_memory(path: str | Path, n_bytes: int, error: type[FurclError]) -> None:

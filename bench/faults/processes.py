@@ -28,6 +28,12 @@ def _obey_rights() -> None:
     ctypes.CDLL(None).prctl(_PR_CAPBSET_DROP, _CAP_DAC_OVERRIDE, 0, 0, 0)
 
 
+def _heed_signals() -> None:
+    """In a child: a shell starts what is in its background with Ctrl-C ignored."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def _read_only(folder: Path, name: str) -> str:
     path = folder / name
     path.mkdir()
@@ -150,7 +156,7 @@ def _signalled(number: int, times: int, after: str, folder: Path, quick: bool) -
     out, fresh = folder / "a.exr", _own_caches(folder)
     env = fresh if after == "device" else environment()
     command = [*FURCL, "-v", "render", "single_fibre", "--size", "128x128", "--spp", "1000000"]
-    child = start([*command, "-o", str(out)], env, start_new_session=True)
+    child = start([*command, "-o", str(out)], env, start_new_session=True, preexec_fn=_heed_signals)
     said = []
     assert child.stderr
     for line in child.stderr:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import io
 import os
-import resource
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -16,14 +15,12 @@ import typer
 from furcl.cli import bench, devices, files, render
 from furcl.cli.console import set_up_logging
 from furcl.errors import FurclError, NoDeviceError
+from furcl.memory import little_address_space
 from furcl.settings import switched_on
 
 EXIT_ERROR = 2
 EXIT_NO_DEVICE = 3
 EXIT_INTERRUPTED = 130
-
-# Libraries and the OpenCL runtime take 0.9 GB of it before a scene is there.
-ADDRESS_SPACE_BYTES = 1 << 30
 
 # What the extra `report` installs.
 REPORT_MODULES = ("flip_evaluator", "jinja2", "matplotlib", "numba", "pcpp")
@@ -112,7 +109,8 @@ def _run(arguments: Sequence[str] | None) -> None:
         if switched_on("FURCL_TRACEBACK"):
             raise
         code = EXIT_NO_DEVICE if isinstance(error, NoDeviceError) else EXIT_ERROR
-        _refuse(f"{error}{_little_memory()}", code)
+        note = "" if little_address_space() in str(error) else _little_memory()
+        _refuse(f"{error}{note}", code)
     except OSError as error:
         # Of the system: a full disk, rights, limits. Others are faults, and show where they arose.
         if switched_on("FURCL_TRACEBACK") or not (error.strerror or _little_memory()):
@@ -135,14 +133,9 @@ def _refuse(message: str, code: int = EXIT_ERROR) -> NoReturn:
 
 
 def _little_memory() -> str:
-    """What to say of an error where the process may have less address space than furcl needs."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit == resource.RLIM_INFINITY or limit >= ADDRESS_SPACE_BYTES:
-        return ""
-    return (
-        f" (this process may use {limit / 2**20:.0f} MiB of address space, furcl needs "
-        f"{ADDRESS_SPACE_BYTES / 2**20:.0f}; raise the limit: ulimit -v)"
-    )
+    """What to add to an error that may come of too little address space."""
+    said = little_address_space()
+    return f" ({said})" if said else ""
 
 
 def _write_any_letter() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from furcl.groom.curves import Curves
 from furcl.scene.camera import Camera
 from furcl.scene.tables import Scene
-from furcl.surface.ellipsoid import Body
+from furcl.surface.model import Surface
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ def of_scene(scene: Scene, curves: Curves) -> Iterator[str]:
     lower, upper = (bound.astype(np.float64) for bound in curves.bounds())
     yield from _of_places(lower, upper, points)
     yield from _of_view(scene, camera, points, curves)
-    if isinstance(scene.body, Body):
+    if scene.body is not None:
         yield from _of_body(scene.body, camera, points)
     samples = scene.film.width * scene.film.height * scene.render.spp
     if samples > LONG_SPP:
@@ -84,11 +84,8 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
         )
 
 
-def _of_body(body: Body, camera: Camera, points: Array) -> Iterator[str]:
-    def inside(places: Array) -> NDArray[np.bool_]:
-        return ((places - body.centre) ** 2 / np.square(body.radii)).sum(axis=-1) < 1.0
-
-    if inside(np.array(camera.origin)):
+def _of_body(body: Surface, camera: Camera, points: Array) -> Iterator[str]:
+    if body.contains(np.array([camera.origin])).any():
         yield "the camera is inside the body, which stops all light; move one of them"
-    if inside(points).all():
+    if body.contains(points).all():
         yield "the whole groom is inside the body, which hides it; make the body smaller"

@@ -15,6 +15,7 @@ from furcl.device import verdict as _verdict
 from furcl.device.absence import POCL, pocl_cache_problem
 from furcl.device.forks import check_process, mark_used
 from furcl.errors import DeviceError, NoDeviceError
+from furcl.memory import little_address_space
 from furcl.values import shown
 
 log = logging.getLogger(__name__)
@@ -236,13 +237,17 @@ def open_device(spec: str | None = None) -> Device:
 
     Raises
     ------
-    NoDeviceError, DeviceError      as `choose`; DeviceError also for what is no text
+    NoDeviceError, DeviceError      as `choose`; DeviceError also for what is no text, and where
+                                    the address space is limited to less than furcl needs
     """
     if spec is not None and not isinstance(spec, str):
         raise DeviceError(
             f"device = {shown(spec)}: expected text: a number of `furcl devices`, P:D, or a part "
             f"of a name"
         )
+    problem = little_address_space()
+    if problem:
+        raise DeviceError(f"no device is opened: {problem}")
     from_environment = os.environ.get("FURCL_DEVICE", "")
     wanted, asked_by = (spec, "--device") if spec else (from_environment, "FURCL_DEVICE")
     candidates = list_candidates()

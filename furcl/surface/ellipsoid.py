@@ -49,6 +49,9 @@ class Body(Surface, frozen=True, kw_only=True, tag_field="kind", tag="ellipsoid"
         out["albedo"][:3] = triple(self.albedo)
         return out
 
+    def contains(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return (np.square((places - self.centre) / self.radii)).sum(axis=1) < 1.0
+
     def points(self) -> NDArray[np.float64]:
         n = 2000
         z = (2.0 * np.arange(n) + 1.0) / n - 1.0

@@ -56,6 +56,10 @@ class Surface(Table, frozen=True, kw_only=True):
     def params(self) -> np.ndarray:
         """The struct SurfaceParams."""
 
+    def contains(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which of places (n, 3) are inside, (n,), for warnings; a surface may not know: none."""
+        return np.zeros(len(places), bool)
+
     @abstractmethod
     def points(self) -> NDArray[np.float64]:
         """Points (n, 3) spread over the surface, by which a camera frames it."""

@@ -81,9 +81,9 @@ def load_curves(
     """
     path = named(path, GroomError)
     for name, value in (("default_radius", default_radius), ("radius_scale", radius_scale)):
-        if value is None and name == "default_radius":
+        if name == "default_radius" and value is None:
             continue
-        if not is_number(value) or not 0.0 < value < float("inf"):
+        if value is None or not is_number(value) or not 0.0 < value < float("inf"):
             given = f"{value:g}" if is_number(value) else shown(value)
             raise GroomError(
                 f"{path}: {name} = {given}; it must be positive and finite. Correct it."
