@@ -106,12 +106,19 @@ def test_a_broken_tree_is_reported(renderer, kind):
 MUTANTS = {
     "row of the tables": (
         "include/fibre/sampler.clh", "(FURCL_TABLE_ROWS - 1), FURCL_TABLE_ROWS)", "2e3f, 2000)",
-        "sample_lobe_h", "include/fibre/sampler.clh", "row, FURCL_TABLE_ROWS) * FURCL_LOBES",
+        "marginal_densities", "include/fibre/sampler.clh",
+        "fibre_record(fibre), row->node, FURCL_TABLE_ROWS - 1)",
+    ),
+    "row of the marginal densities": (
+        "include/fibre/sampler.clh", "row.node * FURCL_MARGINAL_PHIS +",
+        "(row.node + 99u) * FURCL_MARGINAL_PHIS +",
+        "shade", "include/fibre/sampler.clh", "fibre_record(fibre), node, n_nodes)",
     ),
     "bin of the profiles": (
         "include/fibre/double_cylinder/profiles.clh",
         "return min((uint)fmax(", "return 128u + min((uint)fmax(",
-        "shade", "include/fibre/double_cylinder/profiles.clh", "fibre, profile_phi_bin(",
+        "marginal_densities", "include/fibre/double_cylinder/profiles.clh",
+        "fibre, profile_phi_bin(",
     ),
     "row of the profiles": (
         "include/fibre/double_cylinder/profiles.clh",
