@@ -5,11 +5,12 @@
 # OUT: gets one log and one results file a step, and steps.txt: each step, its seconds, its exit code.
 # D: part of the device's description (default: the first GPU, else the first device). P: a Python
 # 3.11 to 3.13 (default python3); what is installed beside it is found too.
-# Steps, all or those named: doctor suite intersect stages waves features convergence. A step that
-# fails or takes too long does not stop the others. GROOMS: a folder of .hair files to measure too.
+# Steps, all or those named, in their order: doctor stages intersect convergence suite waves features.
+# If doctor fails nothing else is tried; other steps that fail or take too long stop no other. GROOMS: a
+# folder of .hair files to measure too.
 set -uo pipefail
 cd "$(dirname "$0")/.."
-all="doctor stages intersect suite waves features convergence"
+all="doctor stages intersect convergence suite waves features"
 python=python3 device= quick= steps=
 
 refuse() { echo "gpu.sh: $1" >&2 && exit 2; }
@@ -79,12 +80,13 @@ find_driver() {
 }
 
 doctor() {
-    nvidia-smi 2>/dev/null
+    nvidia-smi 2>/dev/null || true
     lscpu | grep -E 'Model name|^CPU\(s\)'
     "$bin/furcl" devices
     "$bin/furcl" doctor
-    "$bin/furcl" render single_fibre --device "$device" --size 64x64 --spp 16 --stats "$out/render.json" \
-        -o "$work/single_fibre.exr"
+    "$bin/furcl" render raccoon --device "$device" --size 128x128 --spp 64 --stats "$out/render.json" \
+        -o "$work/raccoon.exr" --set render.light_sampling=mis --set render.sequence=sobol \
+        --set render.roulette=adjoint --set render.allocation=adaptive
 }
 
 suite() {
@@ -96,7 +98,7 @@ suite() {
 
 intersect() {
     local groom
-    for groom in $(pick "hair:150000 hair:700000 fur:700000 hair:10000000" hair:1000) \
+    for groom in $(pick "hair:150000 hair:700000 fur:700000" hair:1000) \
         "${GROOMS:-none}"/*.hair; do
         [[ $groom == *:* || -e $groom ]] || continue
         bench "intersect-$(basename "${groom//:/-}" .hair)" 60 intersect "$groom" \
@@ -120,8 +122,12 @@ features() {
 }
 
 convergence() {
-    bench convergence 90 convergence black_hair white_hair raccoon \
-        $(pick "--size 128x128 --spp 16,32,64,128 --reference-spp 1024" "--quick --size 8x8 --runs 2")
+    local first="sampling=uniform-h light_sampling=bcsdf sequence=independent roulette=depth roulette_depth=8"
+    local best="sampling=full-cdf light_sampling=mis sequence=sobol roulette=adjoint"
+    bench convergence 120 convergence black_hair white_hair raccoon \
+        --variant "baseline: $first allocation=even" --variant "even: $best allocation=even" \
+        --variant "adaptive: $best allocation=adaptive" \
+        $(pick "--size 256x256 --spp 16,64,256 --reference-spp 4096" "--quick --size 8x8 --runs 2")
 }
 
 export -f doctor suite pick
@@ -139,7 +145,8 @@ echo "device: $device"
 export device
 for kind in ${steps:-$all}; do
     case $kind in
-        doctor | suite) step "$kind" "$(pick 240 200)" bash -c "$kind" ;;
+        doctor) step doctor 90 bash -c "set -e; doctor" || refuse "this device renders nothing" ;;
+        suite) step suite "$(pick 240 200)" bash -c suite ;;
         *) "$kind" ;;
     esac
 done
