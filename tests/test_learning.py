@@ -142,5 +142,6 @@ def test_learning_pays(device):
     costs = []
     for roulette in ("depth", "adjoint"):
         image = furcl.render(_scene(roulette=roulette, spp=128), device=device)
+        assert image.variance is not None
         costs.append(image.variance.mean() * image.stats["rays"])
     assert costs[1] < 0.9 * costs[0]
