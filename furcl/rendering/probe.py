@@ -323,16 +323,16 @@ def _unit(name: str, w: ArrayLike) -> np.ndarray:
 
 
 def _uniform(numbers: ArrayLike, n: int) -> np.ndarray:
-    """Numbers (n, 2, 4) float32 of [0, 1)."""
-    array = np.asarray(numbers, np.float32)
+    """Numbers (n, 2, 4) float32 of [0, 1); those that round to 1 are the float32 below it."""
+    array = np.asarray(numbers)
     if array.shape != (n, 2, 4):
         raise FibreError(f"probe: numbers has shape {array.shape} - allowed is ({n}, 2, 4)")
     if not np.all((array >= 0.0) & (array < 1.0)):
         raise FibreError(
-            f"probe: numbers go from {np.min(array)} to {np.max(array)} in float32 - allowed are "
-            f"those of [0, 1)"
+            f"probe: numbers go from {np.min(array)} to {np.max(array)} - allowed are those of "
+            f"[0, 1)"
         )
-    return array
+    return np.minimum(array.astype(np.float32), np.float32(1.0 - 2.0**-24))
 
 
 def _offsets(h: ArrayLike) -> np.ndarray:
