@@ -27,7 +27,8 @@ from furcl.scene.read import load_scene
 
 REPOSITORY = Path(__file__).parents[1]
 SCENE = "single_fibre"  # fibres of one material and no surface
-LIGHT = ('environment={kind="sky"}', "render.light_sampling=mis")
+# The light sampled, and nothing that learns or plans.
+SETTINGS = ('environment={kind="sky"}', "render.light_sampling=mis", "render.roulette=depth")
 PIXELS = "8x8"
 UTILITIES = (
     *(
@@ -77,7 +78,7 @@ class Count:
 
 def count(scene: str = SCENE, device: str | Device | None = None) -> Count:
     """What the paths of a scene pass."""
-    renderer = Renderer(load_scene(scene, size=PIXELS, overrides=LIGHT), device)
+    renderer = Renderer(load_scene(scene, size=PIXELS, overrides=SETTINGS), device)
     kernels = {f for text in renderer.wavefront.texts() for f in _files_of(text)}
     return Count(_lines(kernels), _lines(_files_that_run(lambda: renderer.advance(1))))
 

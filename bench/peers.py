@@ -58,6 +58,7 @@ def peer_scene(name: str, groom: Path, light_sampling: str) -> Scene:
             "curves": {"generator": "file", "file": str(groom.resolve())},
             "render": {
                 "max_depth": 16,
+                "roulette": "depth",
                 "roulette_depth": 16,
                 "light_sampling": light_sampling,
                 "residual": True,

@@ -66,21 +66,23 @@ stages() { # where the time of renders goes
         $(pick "--spp 8 --rounds 3" "--spp 1 --set film.width=16 --set film.height=16")
 }
 
-convergence() { # error against time
-    local paper small single fibre
+convergence() { # error against time, with the settings of the paper's comparison
+    local paper small single fibre settings
+    settings="--set render.light_sampling=bcsdf --set render.sequence=independent --set render.roulette=depth"
+    settings+=" --set render.allocation=even"
     paper=$(pick "--size 128x128 --spp 16,32,64,128 --reference-spp 1024" "--quick --size 8x8 --runs 2")
     small=$(pick "--size 48x48 --spp 16,32,64 --reference-spp 512" "--quick --size 8x8 --runs 2")
     single=$(pick "--size 24x24 --spp 16,32,64,128" "--quick --size 8x8 --runs 2")
     # The paper's three scenes: its figures 10-12 and tables 2-7.
-    run convergence scenes black_hair white_hair raccoon $paper
+    run convergence scenes black_hair white_hair raccoon $paper $settings
     # Black hair in other light.
-    run convergence black-hair-constant black_hair $small --set 'environment={kind="constant"}'
-    run convergence black-hair-back-light black_hair $small \
+    run convergence black-hair-constant black_hair $small $settings --set 'environment={kind="constant"}'
+    run convergence black-hair-back-light black_hair $small $settings \
         --set environment.sun_azimuth_deg=-155 --set environment.sun_scale=3
     # One fibre that fills the picture in even light: nothing hides the light, what is left is the
     # spread of the weights.
     for fibre in human-black human-white raccoon; do
-        run convergence "single-fibre-$fibre" single_fibre $single \
+        run convergence "single-fibre-$fibre" single_fibre $single $settings \
             --set camera.vfov_deg=2 --set fibre.preset=$fibre
     done
 }

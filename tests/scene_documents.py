@@ -2,6 +2,10 @@
 
 from furcl.scene.read import decode_scene
 
+# Tests of pictures take the variance that a film keeps for the error: samples of a pixel have to be
+# independent.
+INDEPENDENT = {"sequence": "independent", "roulette": "depth"}
+
 MINIMAL = {
     "fibre": {"preset": "human-black"},
     "environment": {"kind": "constant"},
@@ -26,7 +30,7 @@ def fur_patch(fibre=None, **render):
                 "generator": "fur", "surface": "patch", "patch_size": [1.0, 1.0],
                 "n_strands": 300, "length": 0.3, "radius": 0.01,
             },
-            "render": {"spp": 8, **render},
+            "render": {"spp": 8, **INDEPENDENT, **render},
         },
         "fur patch",
     )  # fmt: skip
@@ -45,6 +49,7 @@ def even_patch(fibre=None):
                 "generator": "fur", "surface": "patch", "patch_size": [1.0, 1.0],
                 "n_strands": 500, "length": 0.3, "radius": 0.01,
             },
+            "render": INDEPENDENT,
         }
     )  # fmt: skip
 
@@ -71,7 +76,7 @@ def single_fibre(theta_deg, fibre, **render):
             "fibre": fibre,
             "environment": {"kind": "constant", "radiance": 1.0},
             "curves": {"generator": "fibre", "axis": "x", "radius": 2.0, "length": 1000.0},
-            "render": {"spp": 512, **render},
+            "render": {"spp": 512, **INDEPENDENT, **render},
         },
         "single fibre",
     )

@@ -100,29 +100,33 @@ def render(
             image.save(path)
         if stats:
             _write_json(image.stats, stats)
-    _tell_what_was_reached(image.stats, loaded.render.spp)
     log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
     empty = image.stats.get("pixels_without_samples", 0)
     if empty:
         log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
+    _tell_what_was_reached(image.stats, loaded.render.spp)
     if interrupt.requested:
         raise interrupt.exit()
 
 
 def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
-    """Log the error of a render with a target; warn of one that was stopped."""
+    """Warn of a render that was stopped; log the error that it reached."""
     done = stats.get("spp", spp)
-    if target := stats.get("target"):
-        [(name, value)] = target.items()
-        error = (stats["error"] or {}).get(name)
-        found = "{estimate:.3g} ({low:.3g} to {high:.3g})".format(**error) if error else "unknown"
-        log.log(
-            logging.INFO if stats["complete"] else logging.WARNING,
-            f"{'reached' if stats['complete'] else 'stopped early at'} {name} {found} of "
-            f"{value:.3g} with {done} samples a pixel",
-        )
-    elif done < spp:
+    [(name, target)] = (stats.get("target") or {"rmse": None}).items()
+    stopped = target is not None and not stats["complete"]
+    if target is None and done < spp:
         log.warning("stopped early: %s of %s samples a pixel", done, spp)
+    error, found = (stats.get("error") or {}).get(name), "unknown"
+    if error:
+        # The variance of samples that depend on each other says more than the error.
+        bound = "at most " if stats.get("sequence") == "sobol" else ""
+        found = "{}{estimate:.3g} ({low:.3g} to {high:.3g})".format(bound, **error)
+    if error or target is not None:
+        log.log(
+            logging.WARNING if stopped else logging.INFO,
+            f"{'stopped early at' if stopped else 'reached'} {name} {found}"
+            f"{'' if target is None else f' of {target:.3g}'} with {done} samples a pixel",
+        )
 
 
 def _check_outputs(output: Path, stats: Path | None) -> None:

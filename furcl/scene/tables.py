@@ -110,8 +110,8 @@ class Render(Table, frozen=True, kw_only=True):
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
     allocation: Literal["even", "adaptive"] = "even"
-    sequence: Sequence = "independent"
-    roulette: Literal["depth", "throughput", "adjoint"] = "depth"
+    sequence: Sequence = "sobol"
+    roulette: Literal["depth", "throughput", "adjoint"] = "adjoint"
     roulette_depth: Annotated[int, Meta(ge=0, le=100_000)] | None = None
     roulette_threshold: Annotated[float, Meta(ge=1e-6, le=1e6)] | None = None
     shadow_threshold: Annotated[float, Meta(ge=0.0, le=1e9)] = 0.0
