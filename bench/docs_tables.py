@@ -12,6 +12,7 @@ import convergence_tables
 import intersect_tables
 import ladder_tables
 import model_tables
+import paper_size_tables
 import render_tables
 import stability_tables
 from tables import filled
@@ -20,7 +21,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 DOCUMENTS = {
     "model.md": model_tables.TABLES,
     "performance.md": intersect_tables.TABLES | render_tables.TABLES,
-    "results.md": convergence_tables.TABLES | ladder_tables.TABLES,
+    "results.md": convergence_tables.TABLES | ladder_tables.TABLES | paper_size_tables.TABLES,
     "numerics.md": stability_tables.TABLES,
 }
 

@@ -122,11 +122,9 @@ features() {
 }
 
 convergence() {
-    local first="sampling=uniform-h light_sampling=bcsdf sequence=independent roulette=depth roulette_depth=8"
-    local best="sampling=full-cdf light_sampling=mis sequence=sobol roulette=adjoint"
-    bench convergence 120 convergence black_hair white_hair raccoon \
-        --variant "baseline: $first allocation=even" --variant "even: $best allocation=even" \
-        --variant "adaptive: $best allocation=adaptive" \
+    local variants
+    mapfile -t variants < <("$bin/python" bench/ladder.py ends)
+    bench paper-size 120 convergence black_hair white_hair raccoon "${variants[@]}" \
         $(pick "--size 256x256 --spp 16,64,256 --reference-spp 4096" "--quick --size 8x8 --runs 2")
 }
 

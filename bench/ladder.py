@@ -4,6 +4,7 @@ renderer are tried, in which scenes and lights, and the variants that follow fro
 python bench/ladder.py lights               the lights, a line each
 python bench/ladder.py light NAME           options of furcl that turn the light of the scenes on
 python bench/ladder.py variants [LIGHT]     options of furcl that name the variants, a line each
+python bench/ladder.py ends                 the same of the baseline and of furcl at its best alone
 """
 
 from __future__ import annotations
@@ -119,11 +120,21 @@ def variants(light: str = "sky") -> list[str]:
         found.append((name, settings))
         if whole or name in (FIRST, LAST):
             found.append((name + SUFFIX, {**settings, **PROPOSED}))
-    defaults = Render()
-    keys = {key: None for settings in (base, *steps.values()) for key in settings}
-    values = {key: getattr(defaults, key) for key in keys}
-    shipped = {key: str(value) for key, value in values.items() if value is not None}
-    return [_text(name, settings) for name, settings in [*found, (SHIPPED, shipped)]]
+    return [_text(name, settings) for name, settings in [*found, (SHIPPED, shipped())]]
+
+
+def shipped() -> dict[str, str]:
+    """What furcl does unless told otherwise, of the keys of the ladder."""
+    keys = {key: None for settings in (BASELINE, *STEPS.values()) for key in settings}
+    values = {key: getattr(Render(), key, None) for key in keys}
+    return {key: str(value) for key, value in values.items() if value is not None}
+
+
+def ends() -> list[str]:
+    """Texts of the baseline and of what furcl does unless told otherwise, in both allocations."""
+    base, _, _ = known_steps()
+    best = {kind: {**shipped(), "allocation": kind} for kind in ("even", "adaptive")}
+    return [_text(name, settings) for name, settings in {FIRST: base, **best}.items()]
 
 
 def _text(name: str, settings: Mapping[str, str]) -> str:
@@ -166,6 +177,9 @@ def _lines(words: list[str]) -> Iterator[str]:
     elif what == "light" and names:
         for setting in settings_of(names[0]):
             yield from ("--set", setting)
+    elif what == "ends":
+        for text in ends():
+            yield from ("--variant", text)
     elif what == "variants":
         for reason in known_steps()[2]:
             print(f"left out: {reason}", file=sys.stderr)

@@ -2,7 +2,7 @@
 # The runs behind docs/: all kinds, or those named, one after the other on a quiet machine.
 #     bash bench/results.sh [KIND...] [--device D] [--quick]
 # Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
-#     intersect 3   stages 1   convergence 13   features 3   start 1   stability 6   peers 1
+#     intersect 3   stages 1   convergence 13   paper-size 12   features 3   start 1   stability 6   peers 1
 #     fibre_truth 3   medulla_tables 2   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
@@ -12,7 +12,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
 real_grooms=${GROOMS:-../shared/data/hair}
-all="intersect stages convergence features start stability peers fibre_truth medulla_tables docs"
+all="intersect stages convergence paper-size features start stability peers fibre_truth medulla_tables docs"
 device=portable quick= out=bench/results kinds=
 
 refuse() { echo "results.sh: $1" >&2 && exit 2; }
@@ -85,6 +85,14 @@ convergence() { # error against time, with the settings of the paper's compariso
         run convergence "single-fibre-$fibre" single_fibre $single $settings \
             --set camera.vfov_deg=2 --set fibre.preset=$fibre
     done
+}
+
+paper-size() { # furcl at its best beside a conventional renderer, at the paper's size
+    local variants
+    mapfile -t variants < <("$bin/python" bench/ladder.py ends)
+    timed paper-size "$bin/furcl" -q bench convergence black_hair white_hair raccoon "${variants[@]}" \
+        $(pick "--size 256x256 --spp 16,64 --reference-spp 1024" "--quick --size 8x8 --runs 2") \
+        --device "$device" -o "$out/paper-size/$name"
 }
 
 features() { # what leaving out buys

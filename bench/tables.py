@@ -19,9 +19,9 @@ def load(name: str) -> Results:
     return json.loads((FOLDER / name).read_text())
 
 
-def runs(kind: str) -> list[Results]:
+def runs(kind: str, folder: Path = FOLDER) -> list[Results]:
     """The results of all runs of a benchmark, by the names of their folders."""
-    return [json.loads(path.read_text()) for path in sorted((FOLDER / kind).glob("*/results.json"))]
+    return [json.loads(path.read_text()) for path in sorted((folder / kind).glob("*/results.json"))]
 
 
 def table(columns: list[str], rows: Iterable[Iterable[str]]) -> str:
