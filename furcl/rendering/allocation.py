@@ -25,7 +25,7 @@ REACH_PX = 6
 
 #: Samples a pixel that a step ends with, over those that it begins with: a render that is stopped
 #: within a step has some pixels with the numbers of its end and some with those of its beginning.
-#: Every step also ends with bounces of a few paths, which costs a GPU more than the step may be worth.
+#: Every step also ends with bounces of few paths, which cost a GPU more than small steps are worth.
 STEP_GROWTH = 2.0
 
 #: Part of the samples that is spread evenly, at least.
