@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from faults.case import Case
 from numpy.typing import NDArray
 
+from faults.case import Case
 from furcl.bench.ray_counts import RayCounts, count_rays
 from furcl.bvh.build import CHUNK_SEGMENTS, build_bvh
 from furcl.device.choice import open_device
