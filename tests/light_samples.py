@@ -42,7 +42,7 @@ def compare(
     probe: Probe, seed: int, far_field: Callable[..., np.ndarray], least: float = 0.0
 ) -> Found:
     """Estimates towards `directions` with the mean over h that a float64 reference says; the first
-    channel. Directions of a smaller mean than `least` are left out: where a few of N_SAMPLES offsets
+    channel. Directions of a smaller mean than `least` are left out: where few of N_SAMPLES offsets
     send any light, their spread is not the error."""
     z, weight = 0.0, 0.0
     residual = {"residual": True} if "residual" in probe.lobes else {}

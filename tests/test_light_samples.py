@@ -75,8 +75,8 @@ def test_fibres_of_other_kinds(device, seed, fibre):
 @pytest.mark.statistical
 @pytest.mark.parametrize("sampling", samplers.BUILT_IN)
 def test_a_model_that_draws_no_h_uses_the_samplers(device, seed, sampling):
-    """At 3.13 in phi one offset in 10^4 faces wi, at pi none: those two, of means below 2e-8, are left
-    out."""
+    """At 3.13 in phi one offset in 10^4 faces wi, at pi none: those two, of means below 2e-8, are
+    left out."""
 
     def far_field(fibre, wo, wi, profiles):
         from lambert_fibre import reference
