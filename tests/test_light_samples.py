@@ -75,7 +75,8 @@ def test_fibres_of_other_kinds(device, seed, fibre):
 @pytest.mark.statistical
 @pytest.mark.parametrize("sampling", samplers.BUILT_IN)
 def test_a_model_that_draws_no_h_uses_the_samplers(device, seed, sampling):
-    """By Gauss nodes between the offsets where the normal faces wi; over those 1e-6 measured."""
+    """At 3.13 in phi one offset in 10^4 faces wi, at pi none: those two, of means below 2e-8, are
+    left out."""
 
     def far_field(fibre, wo, wi, profiles):
         from lambert_fibre import reference
@@ -87,7 +88,7 @@ def test_a_model_that_draws_no_h_uses_the_samplers(device, seed, sampling):
 
     with registered_lambert():
         probe = probe_of(device, LambertFibre((0.9, 0.5, 0.2), 0.6), sampling)
-        assert compare(probe, seed, far_field).z < LIMIT
+        assert compare(probe, seed, far_field, least=1e-6).z < LIMIT
 
 
 @pytest.mark.statistical
