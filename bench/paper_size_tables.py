@@ -30,8 +30,8 @@ def gains(folder: Path = FOLDER) -> str:
                             scene["name"],
                             found["variant"],
                             f"{spp}",
-                            f"{errors[found['baseline'], spp]:.4f}",
-                            f"{errors[found['variant'], spp]:.4f}",
+                            f"{errors[found['baseline'], spp]:.3g}",
+                            f"{errors[found['variant'], spp]:.3g}",
                             interval(at["efficiency"]),
                             interval(at["efficiency_rays"]),
                         ]
