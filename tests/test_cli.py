@@ -126,9 +126,12 @@ def test_render_passes_options(scene: Path, fake_render: FakeRender, tmp_path: P
 
 
 def test_interrupt_writes_what_there_is(
-    scene: Path, fake_render: FakeRender, tmp_path: Path
+    scene: Path, fake_render: FakeRender, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     fake_render.interrupt = True
+    # Shells start background commands with SIGINT ignored, and what is ignored stays so.
+    ignored = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, ignored))
     before = signal.getsignal(signal.SIGINT)
     assert run("render", scene, "-o", tmp_path / "out.exr") == 130
     assert fake_render.stopped
