@@ -27,6 +27,7 @@ ITEMS = {
     "shade": "fibre_hits",
     "shade_surface": "surface_hits",
     "intersect_shadow": "shadow_rays",
+    "learn": "recorded_paths",
     "add_to_film": "paths",
 }
 
@@ -95,8 +96,10 @@ def measure(
 
 
 def _counts(renderer: Renderer) -> dict[str, int]:
+    learning = renderer.setup.learning
     return {
         "paths": renderer.paths_done,
+        "recorded_paths": min(renderer.paths_done, learning.recorded) if learning else 0,
         "rays": renderer.rays,
         "closest_rays": renderer.rays - renderer.shadow_rays,
         "shadow_rays": renderer.shadow_rays,

@@ -119,8 +119,8 @@ def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
     error, found = (stats.get("error") or {}).get(name), "unknown"
     if error:
         # The variance of samples that depend on each other says more than the error.
-        bound = "at most " if stats.get("sequence") == "sobol" else ""
-        found = "{}{estimate:.3g} ({low:.3g} to {high:.3g})".format(bound, **error)
+        bound = "; an upper bound" if stats.get("sequence") == "sobol" else ""
+        found = f"{error['estimate']:.3g} ({error['low']:.3g} to {error['high']:.3g}{bound})"
     if error or target is not None:
         log.log(
             logging.WARNING if stopped else logging.INFO,

@@ -28,6 +28,9 @@ REACH_PX = 6
 #: Every step also ends with bounces of few paths, which cost a GPU more than small steps are worth.
 STEP_GROWTH = 2.0
 
+#: The same where a step is followed by the question whether the error is small enough.
+STEP_GROWTH_TO_TARGET = 1.5
+
 #: Part of the samples that is spread evenly, at least.
 EVEN_SHARE = 1 / 16
 
@@ -55,9 +58,9 @@ def n_levels(spp: int, n_pixels: int) -> int:
     return levels
 
 
-def next_goal(goal: float) -> float:
+def next_goal(goal: float, growth: float = STEP_GROWTH) -> float:
     """Samples a pixel, on average, that a step ends with at most which begins with `goal`."""
-    return max(float(pilot_samples(0)), float(math.ceil(STEP_GROWTH * goal)))
+    return max(float(pilot_samples(0)), float(math.ceil(growth * goal)))
 
 
 def level_of_step(level: int, n_levels: int, before: float, goal: float) -> int:

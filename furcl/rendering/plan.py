@@ -165,8 +165,9 @@ class SamplePlan:
         if all(goal >= end for goal, end in zip(before, self._ends, strict=True)):
             return False
         most = MOST_PATHS // self.counts.size
+        growth = allocation.STEP_GROWTH_TO_TARGET if self._target else allocation.STEP_GROWTH
         self._goals = [
-            max(goal, min(end, goal + most, allocation.next_goal(goal), self._stop_after(goal)))
+            max(goal, min(end, goal + most, self._next_stop(goal, growth)))
             for goal, end in zip(before, self._ends, strict=True)
         ]
         taken = self.counts
@@ -179,8 +180,10 @@ class SamplePlan:
         self._buffers.send(self._queue, self._starts, self._first)
         return True
 
-    def _stop_after(self, goal: float) -> float:
-        return min((stop for stop in self._stops if stop > goal), default=math.inf)
+    def _next_stop(self, goal: float, growth: float) -> float:
+        """Samples a pixel, on average, that a step which begins with `goal` ends with at most."""
+        stops = [float(stop) for stop in self._stops if stop > goal]
+        return min([allocation.next_goal(goal, growth), *stops])
 
     def _ask_what_is_needed(self, target: Target) -> None:
         """Samples a pixel, on average, that each colour needs: those that bring the error of the
