@@ -33,7 +33,7 @@ numbers() { # LIGHT: size of the pictures and numbers of samples
         quick-*) echo "--quick --size 12x12 --runs 2" ;;
         paper-sky) echo "--size 256x256 --spp 16,64,256,512 --reference-spp 4096" ;;
         paper-*) echo "--size 128x128 --spp 16,64,256 --reference-spp 2048" ;;
-        default-sky) echo "--size 40x40 --spp 16,64,256 --reference-spp 2048" ;;
+        default-sky) echo "--size 48x48 --spp 16,64 --reference-spp 1024" ;;
         default-*) echo "--size 24x24 --spp 16,64 --reference-spp 1024" ;;
     esac
 }

@@ -49,10 +49,12 @@ LIGHTS: dict[str, tuple[str, ...]] = {
         for name in ("studio", "sunrise", "forest")
     },
 }
-# Lights in which the proposed sampler is in every rung; in the others in the first and the last.
+# Lights with every rung, and the proposed sampler in each; in the others each step alone and all of
+# them, and the proposed sampler in the first and the last.
 WHOLE = ("sky",)
 
 FIRST, LAST, SHIPPED = "baseline", "all", "default"
+WITHOUT = f"{LAST} - "
 SUFFIX = " (proposed)"
 
 
@@ -103,7 +105,7 @@ def rungs(
     ends = {FIRST: with_steps(()), LAST: with_steps(steps)}
     found = {FIRST: ends[FIRST]}
     between = {f"+ {name}": with_steps([name]) for name in steps}
-    between |= {f"{LAST} - {name}": with_steps(n for n in steps if n != name) for name in steps}
+    between |= {WITHOUT + name: with_steps(n for n in steps if n != name) for name in steps}
     for name, settings in between.items():
         if settings not in (*found.values(), ends[LAST]):
             found[name] = settings
@@ -117,6 +119,8 @@ def variants(light: str = "sky") -> list[str]:
     whole = light in WHOLE
     found = []
     for name, settings in rungs(base, steps).items():
+        if not whole and name.startswith(WITHOUT):
+            continue
         found.append((name, settings))
         if whole or name in (FIRST, LAST):
             found.append((name + SUFFIX, {**settings, **PROPOSED}))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ladder import FIRST, LAST, SHIPPED, SUFFIX
+from ladder import FIRST, SHIPPED, SUFFIX, WITHOUT
 from tables import FOLDER, Results, driver, table
 
 from furcl.bench.convergence_statistics import Curve, compare_curves
@@ -111,7 +111,7 @@ def lights(folder: Path = FOLDER) -> str:
     if not found:
         return NOT_YET
     names = list(dict.fromkeys(name for results in found.values() for name in rungs(results)))
-    shown = [n for n in names if n != FIRST and not n.startswith(f"{LAST} - ")]
+    shown = [n for n in names if n != FIRST and not n.startswith(WITHOUT)]
     rows = []
     for light, results in found.items():
         for scene in results["scenes"]:

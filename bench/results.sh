@@ -91,7 +91,7 @@ paper-size() { # furcl at its best beside a conventional renderer, at the paper'
     local variants
     mapfile -t variants < <("$bin/python" bench/ladder.py ends)
     timed paper-size "$bin/furcl" -q bench convergence black_hair white_hair raccoon "${variants[@]}" \
-        $(pick "--size 256x256 --spp 16,64 --reference-spp 1024" "--quick --size 8x8 --runs 2") \
+        $(pick "--size 256x256 --spp 16,64 --reference-spp 512" "--quick --size 8x8 --runs 2") \
         --device "$device" -o "$out/paper-size/$name"
 }
 
