@@ -30,9 +30,9 @@ while [ $# -gt 0 ]; do
 done
 [ -d "$wheels" ] || refuse "no folder of wheels $wheels"
 mkdir -p "$out" && out=$(cd "$out" && pwd)
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-bin=$work/venv/bin
+work=out/gpu # relative, as results name it
+rm -rf $work && mkdir -p $work out/grooms
+bin=$PWD/$work/venv/bin
 
 pick() { if [ "$quick" ]; then echo "$2"; else echo "$1"; fi; }
 
@@ -98,8 +98,10 @@ suite() {
 
 intersect() {
     local groom
-    for groom in $(pick "hair:150000 hair:700000 fur:700000" hair:1000) \
-        "${GROOMS:-none}"/*.hair; do
+    for groom in "${GROOMS:-none}"/*.hair; do
+        if [ -e "$groom" ]; then ln -sf "$(realpath "$groom")" out/grooms/; fi
+    done
+    for groom in $(pick "hair:150000 hair:700000 fur:700000" hair:1000) out/grooms/*.hair; do
         [[ $groom == *:* || -e $groom ]] || continue
         bench "intersect-$(basename "${groom//:/-}" .hair)" 60 intersect "$groom" \
             $(pick "--size 1024 --rounds 5" "--size 32 --rounds 1")
