@@ -53,9 +53,10 @@ STATE = Box(
 FILM = Box(1.2, 0.8, "add_to_film", "kernels/stages/film.cl", DEVICE)
 SUMS = Box(4.2, 0.8, "film: sums, squares, counts", "furcl/rendering/film.py", DATA, 2.7)
 IMAGE = Box(7.2, 0.8, "picture", "furcl/image/", HOST)
+LEARN = Box(9.55, 0.8, "learn, at first", "kernels/stages/learn.cl", DEVICE, 2.2)
 BOXES = (
     SCENE, GROOM, TREE, FIBRE, LIGHT, FEATURES, GENERATE, CLOSEST, ESCAPED, SAMPLE, SURFACE,
-    SHADE, SHADOW, STATE, FILM, SUMS, IMAGE,
+    SHADE, SHADOW, STATE, FILM, SUMS, IMAGE, LEARN,
 )  # fmt: skip
 HEIGHT = 0.62
 
@@ -114,7 +115,8 @@ def main() -> None:
     axes.plot([SHADOW.x] * 2 + [CLOSEST.x], [_below(SHADOW)[1], 3.1, 3.1], "#333333", linewidth=1.2)
     _arrow(axes, (CLOSEST.x, 3.1), _below(CLOSEST))
     axes.text(6.6, 3.18, "next bounce, while paths go on", fontsize=8, ha="center")
-    _arrow(axes, (FILM.x, _below(STATE)[1]), _above(FILM))
+    for box in (FILM, LEARN):
+        _arrow(axes, (box.x, _below(STATE)[1]), _above(box))
     for y, text in (
         (9.75, "once a scene, on the host"),
         (
