@@ -160,7 +160,9 @@ def test_four_pixels_of_every_scene_equal_the_full_build(device, name):
     """Where only unneeded code differs, pictures differ by rounding, and where that sends paths
     elsewhere by a part of the noise (measured: 0.3 of a standard error). Another seed is farther
     away, by at least 0.9 of one."""
-    scene = with_overrides(_scene(name), ["render.light_sampling=mis"], spp=256)
+    # Of independent samples, whose variance says the error.
+    settings = ["light_sampling=mis", "sequence=independent", "roulette=depth"]
+    scene = with_overrides(_scene(name), [f"render.{word}" for word in settings], spp=256)
     lean, full, other = (
         _rendered(with_overrides(scene, seed=seed), device, specialised)
         for seed, specialised in ((0, True), (0, False), (1, True))
