@@ -22,7 +22,7 @@ while [ $# -gt 0 ]; do
         --paper) size=paper ;;
         --device) [ $# -gt 1 ] || refuse "--device needs a name" && device=$2 && shift ;;
         -*) refuse "$1 is not an option; allowed are --device D, --quick and --paper" ;;
-        *) ladder lights | grep -qx -- "$1" || refuse "no light $1; there are $(ladder lights | xargs)"
+        *) ladder lights | grep -x -- "$1" >/dev/null || refuse "no light $1; there are $(ladder lights | xargs)"
             lights+=" $1" ;;
     esac
     shift
