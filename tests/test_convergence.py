@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from biased_sampler import biased_sampler
 from model_checks import check_error_falls_as_monte_carlo_does
 from scene_documents import even_patch
 
@@ -182,16 +183,9 @@ def _document(of: Scene) -> dict[str, Any]:
 @pytest.mark.slow
 def test_a_biased_sampler_is_seen(device, cache, tmp_path):
     """The mutant of the tests above: a sampler that reports a density 10 % too high."""
-    text = samplers.find("uniform-h").text()
-    assert text.count("r.joint = joint[p];") == 1
-    wrong = tmp_path / "wrong.clh"
-    wrong.write_text(text.replace("r.joint = joint[p];", "r.joint = 1.1f * joint[p];"))
-    samplers.register("wrong", wrong, needs_tables=False)
-    try:
-        chosen = Plan((even_patch(),), sampling=("uniform-h", "wrong"), spp=SPP, runs=RUNS)
+    with biased_sampler(tmp_path, 1.1) as wrong:
+        chosen = Plan((even_patch(),), sampling=("uniform-h", wrong), spp=SPP, runs=RUNS)
         results = convergence.run(chosen, tmp_path / "out", device=device)
-    finally:
-        samplers.unregister("wrong")
     found = results["scenes"][0]
     right, wrong_one = (s["spp"][-1]["mean_over_reference"] for s in found["variants"])
     assert right["low"] < 1.0 < right["high"]

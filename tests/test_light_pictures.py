@@ -1,16 +1,14 @@
 """Pictures with light samples against pictures without, block by block, and in a furnace."""
 
-import re
-
 import numpy as np
 import pytest
 from direction_statistics import sidak
+from kernel_mutants import substitute
 from scene_documents import fur_patch
 from scipy import stats
 from test_own_sampler import EXAMPLE
 
 import furcl
-from furcl.device import program
 from furcl.fibre import samplers
 from furcl.scene.read import with_overrides
 
@@ -96,12 +94,5 @@ MUTANTS = {
 @pytest.mark.statistical
 @pytest.mark.parametrize("mutant", MUTANTS)
 def test_weights_that_do_not_sum_to_1_are_seen(device, seed, monkeypatch, mutant):
-    source = program.kernel_text
-
-    def mutated(*arguments, **keywords) -> str:
-        text, count = re.subn(*MUTANTS[mutant], source(*arguments, **keywords))
-        assert "stages/shade.cl" not in arguments[0] or count == 1
-        return text
-
-    monkeypatch.setattr(program, "kernel_text", mutated)
+    substitute(monkeypatch, *MUTANTS[mutant], within="stages/shade.cl")
     assert abs(furnace_z(device, seed, "full-cdf")) > 8.0

@@ -3,19 +3,18 @@
 Bounds of z: 4 standard errors, 88 directions a fibre; 2.7 was the largest of 22 fibres.
 """
 
-import re
 from functools import partial
 
 import numpy as np
 import pytest
 from fibres import FIBRES
+from kernel_mutants import substitute
 from lambert_fibre import LambertFibre, registered_lambert
 from light_samples import compare, directions
 from offset_cells import wo_at
 from test_own_sampler import EXAMPLE
 
 from furcl import bcsdf
-from furcl.device import program
 from furcl.errors import FibreError
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.parameters import Fibre
@@ -143,14 +142,7 @@ MUTANTS = {
 @pytest.mark.parametrize("mutant", MUTANTS)
 def test_mutants_are_seen(device, seed, monkeypatch, mutant):
     """A fibre with light in every lobe. The sign of h is free: every N_p is even in phi."""
-    source = program.kernel_text
-
-    def mutated(*arguments, **keywords) -> str:
-        text, count = re.subn(*MUTANTS[mutant], source(*arguments, **keywords))
-        assert arguments[0] != "tools/probe.cl" or count == 1
-        return text
-
-    monkeypatch.setattr(program, "kernel_text", mutated)
+    substitute(monkeypatch, *MUTANTS[mutant], within="tools/probe.cl")
     fibre = Fibre.preset("blond")
     assert compare(probe_of(device, fibre), seed, bcsdf.far_field).z > 2 * LIMIT
 

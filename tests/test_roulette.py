@@ -1,17 +1,15 @@
 """Russian roulette of paths and of light samples: its mean, its weights, its settings."""
 
-import re
-
 import numpy as np
 import pytest
 from direction_statistics import sidak
 from kernel_harness import call
+from kernel_mutants import substitute
 from model_checks import furnace_z
 from scene_documents import fur_patch
 from scipy import stats
 
 import furcl
-from furcl.device import program
 from furcl.device.features import Features
 from furcl.scene.read import with_overrides
 
@@ -72,12 +70,7 @@ MUTANTS = {
 @pytest.mark.parametrize("name", MUTANTS)
 def test_roulette_without_its_weight_is_seen(device, seed, reference, monkeypatch, name):
     """Mutants of the test above."""
-    source = program.kernel_text
-
-    def mutated(*arguments, **keywords):
-        return re.sub(MUTANTS[name], "", source(*arguments, **keywords))
-
-    monkeypatch.setattr(program, "kernel_text", mutated)
+    substitute(monkeypatch, MUTANTS[name], "", within="stages/shade.cl")
     image = furcl.render(_scene(seed, **VARIANTS[name]), device=device)
     z, n = _largest_z(image, reference)
     assert z > stats.norm.isf(sidak(n * len(VARIANTS)) / 2)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from direction_statistics import sidak
+from kernel_mutants import substitute
 from scene_documents import even_patch, fur_patch
 from scipy import stats
 
 import furcl
 from furcl.bench import convergence
 from furcl.bench.convergence_plan import Plan
-from furcl.device import program
 from furcl.image.exr import read_exr
 from furcl.image.image import Image
 from furcl.rendering.renderer import Renderer
@@ -65,14 +67,9 @@ def test_light_is_the_same(device, independent):
 
 
 def test_numbers_of_half_the_range_are_seen(device, independent, monkeypatch):
-    original = program.kernel_text
     whole = "SOBOL_POINT(a, b, c, d, pixel, key, LANES_UINT)"
-
-    def mutated(*arguments):
-        text = original(*arguments)
-        return text.replace(whole, whole + " a >>= 1; b >>= 1; c >>= 1;")
-
-    monkeypatch.setattr(program, "kernel_text", mutated)
+    half = whole + " a >>= 1; b >>= 1; c >>= 1;"
+    substitute(monkeypatch, re.escape(whole), half, within="stages/shade.cl")
     assert _least_p(_renders(device, "sobol")[0], independent[0]) < LEVEL
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from biased_sampler import biased_sampler
 from scene_documents import even_patch, fur_patch
 
 if not (Path(__file__).parents[1] / "bench").is_dir():
@@ -15,7 +16,6 @@ if not (Path(__file__).parents[1] / "bench").is_dir():
 import unbiased
 
 from furcl.bench.convergence_variants import Variant
-from furcl.fibre import samplers
 from furcl.scene.read import with_overrides
 
 # A sun of 5 degrees is too small for BCSDF samples: means of 16 runs of 256 samples were up to 7 of
@@ -94,15 +94,8 @@ def test_variants_show_the_picture_of_the_baseline(device, scene):
 @pytest.mark.statistical
 def test_a_weight_of_2_percent_too_much_is_seen(device, tmp_path):
     """The mutant of a kernel: a sampler whose density is 2 % too small."""
-    text = samplers.find("uniform-h").text()
-    assert text.count("r.joint = joint[p];") == 1
-    wrong = tmp_path / "wrong.clh"
-    wrong.write_text(text.replace("r.joint = joint[p];", "r.joint = 0.98f * joint[p];"))
-    samplers.register("wrong", wrong, needs_tables=False)
-    try:
-        found = results(device, even_patch(), [Variant.of_sampler("wrong")])
-    finally:
-        samplers.unregister("wrong")
+    with biased_sampler(tmp_path, 0.98) as wrong:
+        found = results(device, even_patch(), [Variant.of_sampler(wrong)])
     assert unbiased.verdict(found)[1] == found
     assert found[0].relative > 4.0 * found[0].error
 
