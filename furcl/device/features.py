@@ -43,8 +43,8 @@ class Part(Protocol):
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
-    The parts are the virtual includes <fibre>, <sampler>, <light>, <surface> and <learning>; None
-    where a kernel has nothing to do with them, or the scene has none.
+    The parts are the virtual includes <fibre>, <sampler>, <light>, <surface>, <meshes> and
+    <learning>; None where a kernel has nothing to do with them, or the scene has none.
 
     Attributes
     ----------
@@ -52,6 +52,7 @@ class Features:
     sampler : Part or None      how lobe and offset h are chosen, see furcl.fibre.samplers
     light : Part or None        see furcl.light
     surface : Part or None      a surface beside the strands, see furcl.surface
+    meshes : Part or None       meshes of triangles, see furcl.surface.mesh
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
     channels : int              3 for RGB, 1 where fibre, surface and light are grey
     light_sampling : bool       the light is sampled too (MIS)
@@ -71,6 +72,7 @@ class Features:
     sampler: Part | None = None
     light: Part | None = None
     surface: Part | None = None
+    meshes: Part | None = None
     learning: Part | None = None
     channels: int = 3
     light_sampling: bool = False
@@ -92,6 +94,11 @@ class Features:
         return {name: part for name, part in found.items() if part is not None}
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether there is more to hit than fibres."""
+        return self.surface is not None or self.meshes is not None
+
+    @property
     def light_at_infinity(self) -> bool:
         """Whether light samples have no distance."""
         return bool(getattr(self.light, "at_infinity", True))
@@ -106,9 +113,10 @@ class Features:
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_SURFACE"] = int(self.surface is not None)
+        values["FURCL_MESHES"] = int(self.meshes is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
-        values |= NO_SAMPLER
+        values |= {**NO_SAMPLER, **NO_MESHES}
         for part in self.parts.values():
             values |= part.defines()
         return values
@@ -138,11 +146,15 @@ class Features:
 # What a sampler's part defines, for kernels without one.
 NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0}
 
-PARTS = ("fibre", "sampler", "light", "surface", "learning")
+# What the part of meshes defines, for kernels without them.
+NO_MESHES = {"FURCL_MESH_NORMALS": 0, "FURCL_MESH_TEXTURES": 0, "FURCL_MESH_EMISSION": 0}
+
+PARTS = ("fibre", "sampler", "light", "surface", "meshes", "learning")
 PLAIN_NAMES = {
     "fibre": "model",
     "sampler": "sampling",
     "light": "environment",
     "surface": "body",
+    "meshes": "meshes",
     "learning": "learning",
 }

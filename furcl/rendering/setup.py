@@ -14,6 +14,7 @@ import pyopencl as cl
 
 from furcl.bvh import embree
 from furcl.bvh.build import Bvh, build_bvh
+from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
@@ -29,6 +30,7 @@ from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,8 @@ def set_up(
     timed = Timer()
     light = scene.build_light()
     fibre = scene.build_fibre()
-    features = scene_features(scene, fibre, light, with_target)
+    meshes = scene.build_meshes()
+    features = scene_features(scene, fibre, light, meshes, with_target)
     if not specialised:
         features = everything_on(features)
 
@@ -104,15 +107,19 @@ def set_up(
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
 
-    def build_tree(groom: Future[Curves]) -> Bvh:
+    def build_trees(groom: Future[Curves]) -> tuple[Bvh, TriangleBvh | None]:
         grown = groom.result()
+        radii = point_radii(grown)
         with timed("bvh"):
-            return build_bvh(memory, grown, point_radii(grown), debug=features.debug)
+            tree = build_bvh(memory, grown, radii, debug=features.debug)
+            if meshes is None:
+                return tree, None
+            return tree, build_triangle_bvh(memory, meshes.corners(), radii, debug=features.debug)
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
         groom = beside.submit(take_groom)
-        tree = beside.submit(build_tree, groom)
+        trees = beside.submit(build_trees, groom)
         embree.load()
         if groom.done():
             groom.result()  # a file that cannot be used says so before tables are made
@@ -125,7 +132,9 @@ def set_up(
             memory, scene.film.width, scene.film.height, features, scene.render.spp
         )
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, material, light, film, grown, size)
+            wavefront = _wavefront(
+                memory, scene, features, material, meshes, light, film, grown, size
+            )
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -137,8 +146,8 @@ def set_up(
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
                 )
-        built = tree.result()
-        wavefront.place(built.arguments())
+        built, mesh_tree = trees.result()
+        wavefront.place(built.arguments(), mesh_tree)
     return Setup(
         memory,
         features,
@@ -174,6 +183,7 @@ def _wavefront(
     scene: Scene,
     features: Features,
     material: FibreMaterial,
+    meshes: Meshes | None,
     light: Light,
     film: Film,
     curves: Curves,
@@ -183,22 +193,26 @@ def _wavefront(
     buffer: cl.Buffer = index_checks.upload(
         memory, "light", light.device_buffer(features.light_sampling), features.debug
     )
+    shading = None
+    if meshes and isinstance(features.meshes, MeshPart):
+        shading = memory.upload("mesh shading", meshes.shading(features.meshes))
     return Wavefront(
         memory,
         features,
         material.with_features(features),
         None if features.surface is None else (scene.body or ABSENT).params(),
+        shading,
         buffer,
-        camera_struct(scene, curves),
+        camera_struct(scene, curves, meshes),
         film,
         curves.n_points,
         size.paths,
     )
 
 
-def camera_struct(scene: Scene, curves: Curves) -> np.ndarray:
-    """The struct Camera of a scene; frames the groom where the scene leaves that open."""
-    camera = scene.resolved_camera(curves)
+def camera_struct(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> np.ndarray:
+    """The struct Camera of a scene; frames what is seen where the scene leaves that open."""
+    camera = scene.resolved_camera(curves, meshes)
     origin, right, up, forward = camera.frame()
     height = math.tan(0.5 * math.radians(camera.vfov_deg))
     out = np.zeros((), layout.struct_dtype("Camera"))

@@ -13,9 +13,12 @@ from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
-def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = False) -> Features:
+def scene_features(
+    scene: Scene, fibre: Any, light: Light, meshes: Meshes | None, with_target: bool = False
+) -> Features:
     """What the kernels of a scene, with what is built from it, need, whatever the groom is.
 
     The light is sampled (MIS) where `light_sampling` says so, and by "auto" unless every direction
@@ -45,11 +48,13 @@ def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = F
     )
     grey = model_of(fibre).is_grey(fibre) and light.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
+    grey = grey and (meshes is None or meshes.is_grey)
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
         light=light.part(),
         surface=scene.body.part if scene.body is not None else None,
+        meshes=meshes.part if meshes is not None else None,
         channels=1 if grey else 3,
         light_sampling=light_sampling,
         lens=scene.camera.aperture_radius > 0.0,
@@ -75,6 +80,7 @@ def everything_on(features: Features) -> Features:
         light_sampling=True,
         point_radii=True,
         surface=features.surface or ABSENT.part,
+        meshes=features.meshes and MeshPart(normals=True, textures=True, emission=True),
         lens=True,
         roulette=True,
         shadow_roulette=True,
@@ -87,13 +93,21 @@ def everything_on(features: Features) -> Features:
 def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     """Feature -> whether a build has it, and why it might not."""
     features = material.features
+    meshes = features.meshes.as_dict() if features.meshes is not None else {}
+    of_meshes = {
+        "mesh_normals": "no mesh is smooth",
+        "mesh_textures": "no mesh has a texture",
+        "mesh_emission": "no mesh emits light",
+    }
     tables = material.tables is not None
     return {
         **material.fibre_features.optional(),
-        "colour": (features.channels == 3, "fibre, light and body are grey: one channel"),
+        "colour": (features.channels == 3, "fibre, light and surfaces are grey: one channel"),
         "light_sampling": (features.light_sampling, "the environment is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
+        "meshes": (features.meshes is not None, "the scene has no meshes"),
+        **{name: (bool(meshes.get(name)), reason) for name, reason in of_meshes.items()},
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "sobol": (features.sequence == "sobol", "samples of a pixel are independent"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),

@@ -8,6 +8,7 @@ import numpy as np
 import pyopencl as cl
 
 from furcl.bvh.build import no_geometry, watch
+from furcl.bvh.triangles import TriangleBvh
 from furcl.device import layout, program
 from furcl.device.choice import Device
 from furcl.device.features import Features
@@ -42,7 +43,7 @@ def stage_files(features: Features) -> dict[str, str]:
         "shade": "stages/shade.cl",
         "add_to_film": "stages/film.cl",
     }
-    if features.surface is not None:
+    if features.has_surfaces:
         files["shade_surface"] = "stages/shade_surface.cl"
     if features.learning is not None:
         files["learn"] = "stages/learn.cl"
@@ -112,6 +113,7 @@ class Wavefront:
     features : Features             of the scene; the material's kernels have its own
     material : FibreMaterial
     surface : struct or None        SurfaceParams, where the features have a surface
+    shading : Buffer or None        of the meshes, where the features have some
     light : Buffer                  of furcl.device.index_checks.upload
     camera : struct Camera
     n_vertices : int                of the groom, for the index checks
@@ -130,6 +132,7 @@ class Wavefront:
         features: Features,
         material: FibreMaterial,
         surface: np.ndarray | None,
+        shading: cl.Buffer | None,
         light: cl.Buffer,
         camera: np.ndarray,
         film: Film,
@@ -141,6 +144,7 @@ class Wavefront:
         self.features = features
         self.material = material
         self._surface = [] if features.surface is None else [surface]
+        self._shading = [] if features.meshes is None else [shading]
         self.light = light
         self.camera = camera
         self.film = film
@@ -161,7 +165,7 @@ class Wavefront:
             memory.allocate(f"queue {name}", 4 * n_slots)
             for name in ("active", "next", "misses", "shadows")
         )
-        n_materials = 1 if features.surface is None else len(layout.MATERIALS)
+        n_materials = len(layout.MATERIALS) if features.has_surfaces else 1
         self.hits = memory.allocate("queues hits", 4 * n_slots * n_materials)
         # Lengths of the active queue (of the bounce before) and of the queues being filled.
         self.active_counts, self.counts = (
@@ -171,6 +175,7 @@ class Wavefront:
         self.lobe_counts = memory.allocate("lobe counts", 4 * self._n_lobes, zero=True)
         self.learning = None if features.learning is None else Buffers(memory, n_slots)
         self.geometry = no_geometry(memory)
+        self.mesh_geometry = [] if features.meshes is None else list(self.geometry)
         self._warm_up()
 
     def _program(self, stages: list[str]) -> tuple[list[str], Features, dict[str, int]]:
@@ -195,11 +200,16 @@ class Wavefront:
             kernels |= {stage: Stage(cl.Kernel(built, stage)) for stage in stages}
         return kernels
 
-    def place(self, geometry: list[cl.Buffer]) -> None:
-        """Set the tree that rays are sent through: what furcl.bvh.build.Bvh.arguments returns."""
+    def place(self, geometry: list[cl.Buffer], meshes: TriangleBvh | None = None) -> None:
+        """Set the trees that rays are sent through: what furcl.bvh.build.Bvh.arguments returns, and
+        that of the meshes."""
         self.geometry = geometry
         if self.features.debug:
             watch(self.checks, geometry, self.n_vertices)
+        if meshes:
+            self.mesh_geometry = meshes.arguments()
+            if self.features.debug:
+                watch(self.checks, self.mesh_geometry, 3 * meshes.n_triangles)
 
     @property
     def vertices(self) -> cl.Buffer:
@@ -254,6 +264,7 @@ class Wavefront:
             self.counts,
             self.n_slots,
             *self.geometry,
+            *self.mesh_geometry,
             *self._surface,
         )
 
@@ -274,7 +285,7 @@ class Wavefront:
         """Continue the paths that met something, material by material."""
         self.sample_lobe_h(wave, active, depth)
         self.shade(wave, active, depth)
-        if self.features.surface is not None:
+        if self.features.has_surfaces:
             self.shade_surface(wave, active, depth)
 
     def sample_lobe_h(self, wave: np.ndarray, active: int, depth: int) -> None:
@@ -316,7 +327,7 @@ class Wavefront:
         )
 
     def shade_surface(self, wave: np.ndarray, active: int, depth: int) -> None:
-        """Continue the paths that met the surface: fills the next and shadow queues."""
+        """Continue the paths that met a surface: fills the next and shadow queues."""
         self._launch(
             "shade_surface",
             active,
@@ -327,8 +338,10 @@ class Wavefront:
             self.counts,
             wave,
             np.uint32(depth),
-            *self._surface,
             self.light,
+            *self._surface,
+            *self.mesh_geometry[1:2],
+            *self._shading,
             *self._learned,
         )
 
@@ -343,6 +356,7 @@ class Wavefront:
                 self.counts,
                 self.n_slots,
                 *self.geometry,
+                *self.mesh_geometry,
                 *self._surface,
             )
 

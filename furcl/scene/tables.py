@@ -221,10 +221,24 @@ class Scene(Table, frozen=True, kw_only=True):
         """
         return self.curves.build()
 
-    def resolved_camera(self, curves: Curves) -> Camera:
-        """The camera with all places filled in; if it frames, it frames groom and body."""
+    def build_meshes(self) -> Meshes | None:
+        """The meshes with their textures, read from their files; None where there are none.
+
+        Raises
+        ------
+        MeshError, ImageError       if a file cannot be used
+        """
+        if not self.mesh:
+            return None
+        return Meshes([table.build(f"mesh.{name}") for name, table in self.mesh.items()])
+
+    def resolved_camera(self, curves: Curves, meshes: Meshes | None = None) -> Camera:
+        """The camera with all places filled in; if it frames, it frames groom, body and meshes."""
         points, radius = curves.points, float(curves.radii.max())
-        if self.body is not None and self.camera.origin is None:
-            points = self.camera.outermost(points, self.film.aspect)
-            points = np.concatenate([points, self.body.points()])
+        if self.camera.origin is None:
+            others = [self.body.points()] if self.body is not None else []
+            others += [meshes.points()] if meshes is not None else []
+            if others:
+                found = [self.camera.outermost(p, self.film.aspect) for p in (points, *others)]
+                points = np.concatenate(found)
         return self.camera.resolved(points, self.film.aspect, radius)
