@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, field
 
 from furcl.device.layout import Filter, Sequence
 from furcl.fibre import model as models
@@ -24,7 +24,9 @@ from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
 from furcl.light.model import Light
 from furcl.scene.camera import Camera
+from furcl.scene.mesh import MeshTable
 from furcl.surface import kinds as surfaces
+from furcl.surface.mesh.mesh import Meshes
 from furcl.surface.model import Surface
 from furcl.table import Table
 
@@ -178,6 +180,7 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
+    mesh : tables by name
     """
 
     name: str = ""
@@ -187,6 +190,7 @@ class Scene(Table, frozen=True, kw_only=True):
     environment: Table
     curves: CurvesTable
     body: Surface | None = None
+    mesh: dict[str, MeshTable] = field(default_factory=dict)
     render: Render = Render()
 
     def __repr__(self) -> str:
