@@ -56,7 +56,15 @@ def test_white_mesh_under_white_fur_disappears(device, tmp_path, radius, smooth)
     scene = furnace(ball(tmp_path, radius), smooth=smooth)
     image = furcl.render(scene, device=device)
     mean, error = mean_and_error(image)
-    print(radius, smooth, mean - 1, error, image.stats["path_length"], image.stats["nonfinite"], image.stats["hits_per_path"])
+    print(
+        radius,
+        smooth,
+        mean - 1,
+        error,
+        image.stats["path_length"],
+        image.stats["nonfinite"],
+        image.stats["hits_per_path"],
+    )
     assert image.stats["hits_per_path"] > 0.3
     assert image.stats["path_length"] > image.stats["hits_per_path"] + 1.5
     assert error < 2.5e-4
