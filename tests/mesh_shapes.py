@@ -39,6 +39,17 @@ def sphere(n=24, radius=1.0, centre=(0.0, 0.0, 0.0), **options):
     return Triangles.from_arrays(radius * points + np.asarray(centre), faces, **options)
 
 
+def box(lower, upper):
+    """Corners (12, 3, 3) of a box."""
+    faces = [
+        [0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5],
+    ]  # fmt: skip
+    points = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.float64)
+    points = np.asarray(lower) + points * (np.asarray(upper) - np.asarray(lower))
+    halves = [half for a, b, c, d in faces for half in ([a, b, c], [a, c, d])]
+    return Triangles.from_arrays(points, halves).corners
+
+
 def soup(rng, n, size=0.2):
     """Triangles without any order, of very different sizes."""
     centre = rng.random((n, 1, 3))
