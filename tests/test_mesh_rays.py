@@ -86,7 +86,7 @@ def below_a_lid(rng, depth, n=4000):
     along = 0.05 * unit(np.column_stack([rng.standard_normal((n, 2)), np.zeros(n)]))
     curves = strands(np.stack([middle - along, middle + along], axis=1), 0.01)
     d = random_directions(rng, n)
-    return middle.astype(np.float32), d[np.abs(d[:, 2]) > 0.1], curves
+    return middle.astype(np.float32), d[np.abs(d[:, 2]) > 0.12], curves
 
 
 def lid_hits(device, rng, depth):

@@ -14,6 +14,7 @@ from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
 from furcl.scene.tables import Scene
+from furcl.surface.mesh.mesh import Meshes
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.device.choice import Device
@@ -38,10 +39,10 @@ def of_scene(scene: Scene) -> dict[str, str]:
 
     Raises
     ------
-    GroomError, ImageError      if a file that the scene names cannot be used
+    GroomError, ImageError, MeshError       if a file that the scene names cannot be used
     """
     film, render = scene.film, scene.render
-    fibre, curves = scene.build_fibre(), scene.build_curves()
+    fibre, curves, meshes = scene.build_fibre(), scene.build_curves(), scene.build_meshes()
     return {
         "scene": scene.name,
         "film": f"{film.width} x {film.height}, {film.filter} filter",
@@ -50,7 +51,11 @@ def of_scene(scene: Scene) -> dict[str, str]:
         "environment": _environment(scene),
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
         **_of_curves(curves),
-        **{f"warning {n}": said for n, said in enumerate(warnings.of_scene(scene, curves), 1)},
+        **_of_meshes(scene, meshes),
+        **{
+            f"warning {n}": said
+            for n, said in enumerate(warnings.of_scene(scene, curves, meshes), 1)
+        },
     }
 
 
@@ -120,6 +125,24 @@ def _of_curves(curves: Curves) -> dict[str, str]:
     }
 
 
+def _of_meshes(scene: Scene, meshes: Meshes | None) -> dict[str, str]:
+    if meshes is None:
+        return {}
+    facts = {}
+    for name, mesh in zip(scene.mesh, meshes.meshes, strict=True):
+        lower, upper = mesh.triangles.bounds()
+        said = [
+            f"{len(mesh.triangles)} triangles",
+            "closed" if mesh.triangles.is_closed else "open",
+            f"{_point(lower)} to {_point(upper)}",
+        ]
+        if mesh.texture is not None:
+            said.append(f"a texture of {mesh.texture.shape[1]} x {mesh.texture.shape[0]}")
+        said += [f"{count} {what}" for what, count in mesh.triangles.dropped.items()]
+        facts[f"mesh {name}"] = ", ".join(said)
+    return facts
+
+
 def _counts(left_out: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {name}" for name, count in left_out.items() if count) or "nothing"
 
@@ -163,14 +186,14 @@ def _medulla(profiles: MedullaProfiles | None) -> str:
 
 
 def _memory(held: dict[str, int]) -> dict[str, str]:
-    from furcl.bvh import build
+    from furcl.bvh import build, triangles
 
     groups = {
-        "geometry": build.BUFFERS,
+        "geometry": (*build.BUFFERS, *triangles.BUFFERS, "mesh shading"),
         "material": ("material",),
         "film": ("film", "film samples", "nonfinite"),
     }
-    sizes = {name: sum(held[part] for part in parts) for name, parts in groups.items()}
+    sizes = {name: sum(held.get(part, 0) for part in parts) for name, parts in groups.items()}
     sizes["environment"] = held["light"]
     sizes["path state"] = sum(held.values()) - sum(sizes.values())
     parts = ", ".join(f"{name} {size / 2**20:.2f}" for name, size in sizes.items())

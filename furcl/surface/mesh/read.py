@@ -86,9 +86,11 @@ READERS: dict[str, Callable[[Path], list[dict[str, Any]]]] = {".obj": _read_obj,
 
 
 def _joined(objects: list[dict[str, Any]]) -> MeshArrays:
+    from trimesh.geometry import triangulate_quads
+
     faces, first = [], 0
     for each in objects:
-        faces.append(np.asarray(each["faces"], np.int64) + first)
+        faces.append(np.asarray(triangulate_quads(each["faces"]), np.int64) + first)
         first += len(each["vertices"])
     uv = [getattr(each.get("visual"), "uv", None) for each in objects]
     return MeshArrays(
