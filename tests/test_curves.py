@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,6 +51,7 @@ def test_arrays_are_read_only_but_the_callers_are_not(name):
     ],
 )
 def test_what_the_caller_writes_later_does_not_reach_the_groom(form, name):
+    given: dict[str, Any]
     if form == "parts of one array":
         block = np.linspace(0.1, 1.0, 63, dtype=np.float32)
         given = {"points": block[:27].reshape(9, 3), "radii": block[27:36]}
@@ -59,7 +61,9 @@ def test_what_the_caller_writes_later_does_not_reach_the_groom(form, name):
         given["colours"] = np.linspace(0.0, 1.0, 27, dtype=np.float32).reshape(9, 3)
     if form == "equal strands":
         given = {k: v.reshape(3, 3, *v.shape[1:]) for k, v in given.items() if k != "offsets"}
-    passed = {k: memoryview(v) if form == "memory view" else v for k, v in given.items()}
+    passed: dict[str, Any] = {
+        k: memoryview(v) if form == "memory view" else v for k, v in given.items()
+    }
     curves = Curves.from_arrays(**passed)
     before = getattr(curves, name).copy()
     given[name][...] = 7
@@ -89,7 +93,7 @@ def test_grooms_are_copied_and_pickled(copied, coloured):
 @pytest.mark.parametrize("values", [[[1.0], [1.0, 2.0]], "three", [None, {}]])
 def test_what_is_no_array_is_refused(name, values):
     points, radii, offsets = three_strands()
-    given = {"points": points, "radii": radii, "offsets": offsets, name: values}
+    given: dict[str, Any] = {"points": points, "radii": radii, "offsets": offsets, name: values}
     with pytest.raises(GroomError, match=f"curves: {name} "):
         Curves.from_arrays(**given)
 

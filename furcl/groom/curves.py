@@ -166,22 +166,20 @@ class Curves:
         ------
         GroomError                   names the source, the strand and the point
         """
-        arrays = {"points": points, "radii": radii, "offsets": offsets, "colours": colours}
-        given = [
-            None if values is None else _array(values, name, source)
-            for name, values in arrays.items()
-        ]
-        curves = adopted(*given, source=source, dropped=dropped)
-        own = (curves.points, curves.radii, curves.offsets, curves.colours)
-        # One array may stand for several, so each is compared with all.
+        given = [_array(points, "points", source), _array(radii, "radii", source)]
+        curves = adopted(*given, offsets, colours, source=source, dropped=dropped)
+        given += [np.asarray(array) for array in (offsets, colours) if array is not None]
+
+        def own(array):
+            # One array may stand for several, so each is compared with all.
+            shared = any(np.may_share_memory(array, other) for other in given)
+            return array.copy() if shared else array
+
         return _frozen(
-            *(
-                array.copy()
-                if array is not None
-                and any(other is not None and np.may_share_memory(array, other) for other in given)
-                else array
-                for array in own
-            ),
+            own(curves.points),
+            own(curves.radii),
+            own(curves.offsets),
+            None if curves.colours is None else own(curves.colours),
             curves.dropped,
         )
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import ImageError
-from furcl.files import named
+from furcl.files import named, open_regular
 from furcl.image.colour import REC709, to_rec709
 from furcl.image.exr_chunks import missing_part
 from furcl.image.exr_header import MAGIC, Part, check_claims
@@ -43,8 +43,6 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
     import OpenEXR
 
     path = named(path, ImageError)
-    if not path.is_file():
-        raise ImageError(f"{path}: there is no such file; check the path")
     part, missing = _checked(path)
     if missing:
         raise ImageError(f"{path}: damaged OpenEXR file: {missing}; copy or render it again")
@@ -65,7 +63,7 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
 def _checked(path: Path) -> tuple[Part, str | None]:
     """The first part's header, checked, and what the file lacks."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise ImageError(
                     f"{path}: does not start as an OpenEXR file does; give an .exr file"
@@ -73,6 +71,8 @@ def _checked(path: Path) -> tuple[Part, str | None]:
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 part = check_claims(path, data)
                 return part, missing_part(data, part)
+    except FileNotFoundError:
+        raise ImageError(f"{path}: there is no such file; check the path") from None
     except OSError as error:
         raise ImageError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
 

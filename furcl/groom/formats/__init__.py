@@ -9,7 +9,7 @@ from typing import BinaryIO
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.files import atomic_path, named
+from furcl.files import atomic_path, check_regular, named
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.formats.npz import read_npz, write_npz
 from furcl.groom.formats.yuksel_hair import read_hair, write_hair
@@ -90,6 +90,7 @@ def load_curves(
             )
     read = READERS[_suffix(path, READERS, "reads")]
     try:
+        check_regular(path)
         curves = read(path, default_radius)
     except OSError as error:
         raise GroomError(
