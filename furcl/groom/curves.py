@@ -166,8 +166,9 @@ class Curves:
         ------
         GroomError                   names the source, the strand and the point
         """
-        given = [_array(points, "points", source), _array(radii, "radii", source)]
-        curves = adopted(*given, offsets, colours, source=source, dropped=dropped)
+        points, radii = _array(points, "points", source), _array(radii, "radii", source)
+        curves = adopted(points, radii, offsets, colours, source=source, dropped=dropped)
+        given = [points, radii]
         given += [np.asarray(array) for array in (offsets, colours) if array is not None]
 
         def own(array):
