@@ -18,7 +18,7 @@ from pathlib import Path
 from furcl import cache
 from furcl.device.features import Features
 from furcl.device.source import kernel_text
-from furcl.paths import cache_folder, python_command
+from furcl.paths import cache_folder, module_environment, python_command
 
 TIMEOUT_S = 180.0
 EXIT_FAILED = 10  # a self-test that ran and failed ends with this code
@@ -83,16 +83,11 @@ def _text_hash() -> str:
 
 def _run(address: str) -> Verdict:
     command = python_command("-m", "furcl.device.selftest", address)
-    folders = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(filter(None, folders)),
-        "POCL_KERNEL_CACHE": "0",  # what PoCL built before says nothing about building now
-    }
     try:
         done = subprocess.run(
             command,
-            env=environment,
+            # What PoCL built before says nothing about building now.
+            env=module_environment(POCL_KERNEL_CACHE="0"),
             capture_output=True,
             text=True,
             encoding="utf-8",
