@@ -11,8 +11,12 @@ from faults.harness import FURCL, SMALL, environment, furcl, run, told
 from furcl.image.image import Image
 
 FILES = 24
-_CRASH = (FURCL[0], "-P", "-c", "import os, signal, furcl.device.crashes as c\nc.watch()\n"
-          "os.kill(os.getpid(), signal.SIGSEGV)")  # fmt: skip
+_CRASH_CODE = (
+    "import os, signal, furcl.device.crashes as crashes\n"
+    "crashes.watch()\n"
+    "os.kill(os.getpid(), signal.SIGSEGV)"
+)
+_CRASH = (FURCL[0], "-P", "-c", _CRASH_CODE)
 
 
 def _caches(folder: Path) -> dict[str, str]:
