@@ -114,7 +114,7 @@ def exr_bytes(tmp_path, channels) -> bytes:
     ("content", "message"),
     [
         (None, "there is no such file; check the path"),
-        (b"", "does not start as an OpenEXR file does"),
+        (b"", "cannot be read: it is empty"),
         (b"\x89PNG....", "does not start as an OpenEXR file does"),
         (b"\x76\x2f\x31\x01", "damaged or unsupported OpenEXR file"),
         ("half", "damaged OpenEXR file: it ends within the 16 rows from row 16; copy or render"),

@@ -14,6 +14,7 @@ import typer
 
 from furcl.cli import bench, devices, files, render
 from furcl.cli.console import set_up_logging
+from furcl.device import crashes
 from furcl.errors import FurclError, NoDeviceError
 from furcl.memory import little_address_space
 from furcl.settings import switched_on
@@ -90,10 +91,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _start_fast()
     _write_any_letter()
     set_up_logging()
+    crashes.watch()
     try:
         _run(arguments)
     finally:
         _flush()
+        crashes.forget()
 
 
 def _run(arguments: Sequence[str] | None) -> None:
