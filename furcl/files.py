@@ -7,7 +7,7 @@ import re
 import secrets
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
@@ -53,16 +53,24 @@ def is_file(path: str | os.PathLike[str]) -> bool:
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `path`, with the same suffix, that becomes `path` on success.
 
-    When the block raises, the temporary file is removed and an older file at `path` is kept.
+    When the block raises, the temporary file is removed and an older file at `path` is kept. Errors
+    of the system, and furcl's, name `path`, not the temporary file. Of a link, the file that it
+    leads to is replaced.
     """
-    path = Path(path)
+    named_path, path = Path(path), Path(os.path.realpath(path))
     _remove_old(path.parent)
-    temporary = path.with_name(f".furcl-{secrets.token_hex(8)}{path.suffix}")
+    temporary = path.with_name(f".furcl-{secrets.token_hex(8)}{named_path.suffix}")
     try:
         yield temporary
         temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError) and str(error.filename) == str(temporary):
+            error.filename, error.filename2 = str(named_path), None
+        if isinstance(error, FurclError):
+            text = str(error).replace(str(temporary), str(named_path))
+            raise type(error)(text) from error.__cause__
         raise
 
 
@@ -78,16 +86,21 @@ def _remove_old(folder: Path) -> None:
         pass
 
 
-def check_writable(path: Path, error: type[FurclError]) -> None:
+def check_writable(path: str | os.PathLike[str], error: type[FurclError]) -> None:
     """Refuse a path that could not be written to later; makes its folder.
 
     Raises
     ------
-    error       no file can be called so, it is a folder, or its folder cannot be written to
+    error       no file can be called so, what is there is no file or read-only, or its folder
+                cannot be written to
     """
-    named(path, error)
+    path = named(path, error)
     if path.is_dir():
         raise error(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not path.is_file():
+        raise error(f"{path}: is no regular file, which would be replaced; give another name")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise error(f"{path}: is read-only; make it writable or give another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         probe = path.with_name(f".furcl-{secrets.token_hex(8)}{path.suffix}")

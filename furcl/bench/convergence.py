@@ -19,11 +19,9 @@ from furcl.bench.convergence_plan import Plan
 from furcl.bench.convergence_reference import (
     Reference,
     choose_variant,
-    digest,
     kernel_digest,
     reference_samples_left,
     render_reference,
-    scene_digest,
 )
 from furcl.bench.convergence_results import assemble, scene_facts, write_results
 from furcl.bench.convergence_variants import Variant, checks, chosen, settings_of
@@ -34,6 +32,7 @@ from furcl.files import atomic_path
 from furcl.image import compare
 from furcl.image.image import Image
 from furcl.rendering.renderer import Progress, Renderer
+from furcl.scene.digest import digest, scene_digest
 from furcl.scene.tables import Scene
 
 log = logging.getLogger(__name__)

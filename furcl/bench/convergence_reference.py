@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from furcl.bench.convergence_variants import settings_of
@@ -20,7 +17,7 @@ from furcl.files import write_cache
 from furcl.image.image import Image
 from furcl.paths import cache_folder
 from furcl.rendering.renderer import Renderer
-from furcl.scene.tables import Scene
+from furcl.scene.digest import digest
 
 log = logging.getLogger(__name__)
 
@@ -51,32 +48,9 @@ class Reference:
         return self.image.variance.astype(np.float64)
 
 
-def digest(*parts: object) -> str:
-    """A short hash of texts, bytes and JSON values."""
-    state = hashlib.sha256()
-    for part in parts:
-        raw = part if isinstance(part, bytes) else json.dumps(part, sort_keys=True).encode()
-        state.update(len(raw).to_bytes(8, "little") + raw)
-    return state.hexdigest()[:20]
-
-
 def kernel_digest(renderer: Renderer) -> str:
     """A hash of the texts of all stages as a renderer has compiled them."""
     return digest(*renderer.wavefront.texts())
-
-
-def scene_digest(scene: Scene) -> str:
-    """A hash of all that the picture of a scene follows from, but the table [render]."""
-    document = msgspec.to_builtins(scene)
-    del document["render"], document["name"], document["film"]["exposure_stops"]
-    curves = scene.build_curves()
-    arrays = (curves.points, curves.radii, curves.offsets)
-    parts: list[object] = [np.ascontiguousarray(array).tobytes() for array in arrays]
-    if "file" in document["environment"]:
-        parts.append(Path(document["environment"].pop("file")).read_bytes())
-    if document["curves"]["generator"] == "file":
-        del document["curves"]["file"]
-    return digest(document, *parts)
 
 
 def choose_variant(
