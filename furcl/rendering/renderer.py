@@ -140,28 +140,20 @@ class Renderer:
 
     def advance(
         self,
-        spp: int,
+        spp: int | None = None,
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> bool:
-        """Add `spp` samples to every pixel, on average where they take different numbers.
+        """Add `spp` samples to every pixel, on average where they take different numbers; None:
+        what is missing of the scene's number, where progress counts all paths.
 
         Stops between two waves when `time_limit` [s] of rendering is over or `progress` returns
         true; pixels may then differ by one sample, with a plan by those of a step, which the film
         knows. Returns whether all samples were added; with a target, whether it is reached.
         """
-        first = self.paths_done
-        return self._go_on(first, first + spp * self.n_pixels, progress, time_limit)
-
-    def finish(self, progress: Progress | None = None, time_limit: float | None = None) -> bool:
-        """As `advance`, up to the scene's number of samples; progress counts all paths."""
-        return self._go_on(0, self.scene.render.spp * self.n_pixels, progress, time_limit)
-
-    def _go_on(
-        self, first: int, end: int, progress: Progress | None, time_limit: float | None
-    ) -> bool:
-        """Render until there are `end` paths, of which `first` do not count for progress."""
         start, reached = time.perf_counter(), False
+        first = 0 if spp is None else self.paths_done
+        end = first + (self.scene.render.spp if spp is None else spp) * self.n_pixels
         try:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
@@ -271,12 +263,12 @@ class Renderer:
         if empty.any():
             mean[empty] = variance[empty] = 0.0
         stats = self.stats()
-        stats["error"] = estimated_errors(mean, variance)
+        stats["error"] = None if empty.any() else estimated_errors(mean, variance)
         stats["samples"] = {"min": int(samples.min()), "max": int(samples.max())}
         stats["pixels_without_samples"] = int(empty.sum())
         return Image(
             rgb=mean,
-            variance=variance,
+            variance=variance if self.features.variance else None,
             stats=stats,
             exposure_stops=self.scene.film.exposure_stops,
             samples=samples,
@@ -410,7 +402,7 @@ def render(
     if checkpoint is not None:
         kept = Checkpoints(renderer, curves, checkpoint, checkpoint_minutes)
         progress = kept.watching(progress)
-    complete = renderer.finish(progress, time_limit)
+    complete = renderer.advance(None, progress, time_limit)
     if kept:
         kept.end()
     image = renderer.image()
