@@ -1,6 +1,7 @@
 """Writing files so that a reader never sees half of one."""
 
 import errno
+import hashlib
 import logging
 import os
 import re
@@ -10,12 +11,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from urllib.parse import quote
 
 from furcl.errors import FurclError
 from furcl.values import shown
 
 # Older temporary files belong to no process that still writes them.
 OLD_S = 3600.0
+# What names stand in file names with: with what is added, systems allow 255 bytes.
+LONGEST_NAME = 100
 _TEMPORARY = re.compile(r"\.furcl-[0-9a-f]{16}(\.\w+)?")
 
 log = logging.getLogger(__name__)
@@ -39,6 +43,20 @@ def named(path: str | os.PathLike[str], error: type[FurclError]) -> Path:
         if reason.errno == errno.ENAMETOOLONG:
             raise error(f"path {shown(str(path))}: the name is too long; choose another") from None
     return path
+
+
+def file_name(text: str) -> str:
+    """A text as a part of a file's name, or of a key: another one for every other text.
+
+    Letters of ASCII, digits, spaces and _ + - . ( ) = ~ stay; all others, and a point at the
+    beginning, are %XX, and what is longer than 100 letters ends with its digest.
+    """
+    name = quote(text, safe=" +()=")
+    if name.startswith("."):
+        name = "%2E" + name[1:]
+    if len(name) > LONGEST_NAME:
+        name = f"{name[: LONGEST_NAME - 21]}%{hashlib.sha256(text.encode()).hexdigest()[:20]}"
+    return name
 
 
 def is_file(path: str | os.PathLike[str]) -> bool:

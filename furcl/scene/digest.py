@@ -38,6 +38,6 @@ def scene_digest(scene: Scene, curves: Curves | None = None) -> str:
     for keys, table in list(files_in(document)):
         # What is in a file counts, not where it lies; the groom's is in the arrays.
         name = table.pop(keys[-1])
-        if keys[0] != "curves":
+        if "curves" not in keys:
             parts.append(Path(name).read_bytes())
     return digest(document, *parts)
