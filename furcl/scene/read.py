@@ -19,7 +19,9 @@ from furcl.scene.overrides import Document, absolute_files, apply_overrides, key
 from furcl.scene.refusal import check_tables, refuse_missing, refuse_value
 from furcl.scene.schema import files_in, named_tables
 from furcl.scene.tables import NAMED, Groom, Keys, Scene, kinds_at
-from furcl.values import shown
+from furcl.values import printable, shown
+
+LONGEST_NAME = 255
 
 
 def find_scene(name: str | os.PathLike[str]) -> Path:
@@ -60,7 +62,7 @@ def load_scene(
     path = find_scene(path)
     document = named_lists(_read(path), str(path))
     absolute_files(document, path.absolute().parent)
-    document.setdefault("name", path.stem)
+    document.setdefault("name", printable(path.stem))
     document = apply_overrides(document, [*overrides, *keyword_overrides(keywords)])
     return decode_scene(document, str(path))
 
@@ -119,6 +121,7 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
     document = named_lists(document, source)
     document = {name: _with_kinds(table, (name,)) for name, table in document.items()}
     check_tables(document, source)
+    _check_name(document.get("name"), source)
     scene = _decoded(document, Scene, (), document, source)
     for keys, table in files_in(document):
         name = table[keys[-1]]
@@ -133,6 +136,14 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
             ) from None
     _check_grooms(scene, source)
     return scene
+
+
+def _check_name(name: object, source: str) -> None:
+    """Refuse a scene's name that a line of text cannot show, in logs, tables and headers."""
+    if isinstance(name, str) and (len(name) > LONGEST_NAME or printable(name) != name):
+        raise SceneError(
+            f"{source}: name = {shown(name)}: expected at most {LONGEST_NAME} printable characters"
+        )
 
 
 def named_lists(document: Document, source: str) -> Document:
