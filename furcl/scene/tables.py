@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import Meta
 
 from furcl.device.layout import Filter, Sequence
+from furcl.errors import SceneError
 from furcl.fibre import model as models
 from furcl.fibre import samplers
 from furcl.fibre.model import ModelTable
@@ -22,6 +23,8 @@ from furcl.groom import kinds as groom_kinds
 from furcl.groom.curves import Curves
 from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
+from furcl.light.lamps.tables import Lamp, build_lamps
+from furcl.light.lights import Lights
 from furcl.light.model import Light
 from furcl.scene.camera import Camera
 from furcl.surface import kinds as surfaces
@@ -78,6 +81,8 @@ class Render(Table, frozen=True, kw_only=True):
                             your own (docs/own_sampler.md)
     light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
                             light
+    lamp_choice : str       how light samples take one of many lamps: by the light that it may send
+                            to the "position", or by its "power" alone
     allocation : str        "even" gives every pixel the same number of samples, "adaptive" more to
                             those with larger errors
     sequence : str          random numbers of a pixel's samples: "independent", or "sobol", spread
@@ -109,6 +114,7 @@ class Render(Table, frozen=True, kw_only=True):
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
+    lamp_choice: Literal["position", "power"] = "position"
     allocation: Literal["even", "adaptive"] = "even"
     sequence: Sequence = "sobol"
     roulette: Literal["depth", "throughput", "adjoint"] = "adjoint"
@@ -184,7 +190,8 @@ class Scene(Table, frozen=True, kw_only=True):
     camera: Camera = Camera()
     film: Film = Film()
     fibre: ModelTable
-    environment: Table
+    environment: Table | None = None
+    lamp: tuple[Lamp, ...] = ()
     curves: CurvesTable
     body: Surface | None = None
     render: Render = Render()
@@ -204,13 +211,29 @@ class Scene(Table, frozen=True, kw_only=True):
         return self.fibre.build()
 
     def build_light(self) -> Light:
-        """The light around the scene; files are read here.
+        """The environment; files are read here.
 
         Raises
         ------
         ImageError      if the image of the light cannot be used
+        SceneError      if the scene has lamps alone
         """
+        if self.environment is None:
+            raise SceneError(
+                f"scene {self.name!r} has no [environment]; build_lights() gives its lamps"
+            )
         return lights.from_table(self.environment)
+
+    def build_lights(self) -> Lights:
+        """The environment and the lamps; files are read here.
+
+        Raises
+        ------
+        ImageError      if the image of the light cannot be used
+        LightError      if a lamp cannot be used
+        """
+        environment = None if self.environment is None else self.build_light()
+        return Lights(environment, build_lamps(self.lamp, self.render.lamp_choice == "position"))
 
     def build_curves(self) -> Curves:
         """Read or grow the groom.
