@@ -3,8 +3,8 @@
 Halves are cut at the median along the longer side, so that the tree is balanced: with up to 2^24
 lamps it is 24 levels deep. Nodes say how much light they may send to a point (Conty Estevez and
 Kulla 2018, without their term of the receiver, since fibres have no normal): the largest
-intensities of their lamps, summed, over the squared distance of the middle of their bounds, times the cosine with
-the nearest axis that a lamp in it may have. The kernel's twin: light/lamps/tree.clh.
+intensities of their lamps, summed, over the squared distance of the middle of their bounds, times
+the cosine with the nearest axis that a lamp in it may have. The kernel: light/lamps/tree.clh.
 """
 
 from __future__ import annotations

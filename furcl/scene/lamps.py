@@ -1,4 +1,4 @@
-"""The tables [[lamp]] of scenes, one a kind, and the lamps that they describe.
+"""The tables of lamps, [lamp.NAME] or [[lamp]], and the lamps that they describe.
 
 Unplaced, a lamp is at the origin and shines along -z.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -19,6 +19,7 @@ from furcl.light.lamps import planar
 from furcl.light.lamps.lamps import Lamps
 from furcl.light.lamps.point import spot_solid_angle
 from furcl.light.lamps.record import Array, Records, records
+from furcl.scene.transform import Transform
 from furcl.table import Length, Rgb, Table, Vec3, triple
 
 Amount = Annotated[float, Meta(ge=0.0, le=1e15)]
@@ -32,18 +33,34 @@ class Lamp(Table, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    name : str              for messages and `--set lamp.NAME.key=`
     colour : (r,g,b)        factor on its light; one number stands for three equal ones
     position : (x, y, z)    where it is; the origin if left out [unit]
     target : (x, y, z)      what it shines at; along -z if left out [unit]
+    transform : table       its place, instead of position and target
     """
 
     allowed: ClassVar = {"colour": (0.0, 1e6)}
 
-    name: str = ""
     colour: Rgb = 1.0
     position: Vec3 | None = None
     target: Vec3 | None = None
+    transform: Transform = Transform()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.target is not None and self.target == (self.position or (0.0, 0.0, 0.0)):
+            raise ValueError(
+                f"target = {self.target}: the lamp is there; give another position or target"
+            )
+        given = [name for name in ("position", "target") if getattr(self, name) is not None]
+        if given and not self.transform.is_identity:
+            raise ValueError(
+                f"{' and '.join(given)} = a place beside transform; give one or the other"
+            )
+        self._check()
+
+    def _check(self) -> None:
+        """ValueError where values that are each allowed do not go together."""
 
     @abstractmethod
     def records(self) -> Records:
@@ -55,6 +72,8 @@ class Lamp(Table, frozen=True, kw_only=True):
 
     def matrix(self) -> NDArray[np.float64]:
         """From the lamp's own space to the world, (4, 4)."""
+        if self.position is None and self.target is None:
+            return self.transform.as_matrix()
         out = np.eye(4)
         position = np.array(self.position or (0.0, 0.0, 0.0), np.float64)
         if self.target is not None:
@@ -82,13 +101,14 @@ class QuadLamp(Lamp, frozen=True, kw_only=True, tag_field="kind", tag="quad"):
     two_sided : bool        its back shines like its front
     """
 
+    described_by: ClassVar = Lamp
+
     size: tuple[Length, Length] = (1.0, 1.0)
     radiance: Amount | None = None
     power: Amount | None = None
     two_sided: bool = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         _check_one(radiance=self.radiance, power=self.power)
 
     def records(self) -> Records:
@@ -109,13 +129,14 @@ class DiskLamp(Lamp, frozen=True, kw_only=True, tag_field="kind", tag="disk"):
     two_sided : bool        its back shines like its front
     """
 
+    described_by: ClassVar = Lamp
+
     radius: Length = 0.5
     radiance: Amount | None = None
     power: Amount | None = None
     two_sided: bool = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         _check_one(radiance=self.radiance, power=self.power)
 
     def records(self) -> Records:
@@ -133,16 +154,17 @@ class SphereLamp(Lamp, frozen=True, kw_only=True, tag_field="kind", tag="sphere"
                             [radiance times sr unit^2]
     """
 
+    described_by: ClassVar = Lamp
+
     radius: Length = 0.5
     radiance: Amount | None = None
     power: Amount | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         _check_one(radiance=self.radiance, power=self.power)
 
     def records(self) -> Records:
-        radius = self.radius
+        radius = self.radius * self.transform.uniform_scale()
         surface = 4.0 * math.pi * radius**2
         radiance = _radiance(self, self.radiance, self.power, math.pi * surface)
         return records(
@@ -164,11 +186,12 @@ class PointLamp(Lamp, frozen=True, kw_only=True, tag_field="kind", tag="point"):
                             sr unit^2]
     """
 
+    described_by: ClassVar = Lamp
+
     intensity: Amount | None = None
     power: Amount | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         _check_one(intensity=self.intensity, power=self.power)
 
     def records(self) -> Records:
@@ -193,13 +216,14 @@ class SpotLamp(Lamp, frozen=True, kw_only=True, tag_field="kind", tag="spot"):
     power : float           that it sends out, of each channel [radiance times sr unit^2]
     """
 
+    described_by: ClassVar = Lamp
+
     cone_deg: Annotated[float, Meta(ge=0.01, le=180.0)] = 30.0
     edge_deg: Annotated[float, Meta(ge=0.0, le=180.0)] = 5.0
     intensity: Amount | None = None
     power: Amount | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         _check_one(intensity=self.intensity, power=self.power)
         if self.edge_deg > self.cone_deg:
             raise ValueError(
@@ -234,12 +258,13 @@ class DistantLamp(Lamp, frozen=True, kw_only=True, tag_field="kind", tag="distan
     radiance : float        what a ray that leaves the scene within its disk brings
     """
 
+    described_by: ClassVar = Lamp
+
     angle_deg: Annotated[float, Meta(ge=0.0, le=180.0)] = 0.53
     irradiance: Amount | None = None
     radiance: Amount | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         _check_one(irradiance=self.irradiance, radiance=self.radiance)
         if self.angle_deg == 0.0 and self.radiance is not None:
             raise ValueError(
@@ -267,8 +292,8 @@ def tables() -> dict[str, type[Lamp]]:
     return {str(table.__struct_config__.tag): table for table in TABLES}
 
 
-def build_lamps(lamps: Sequence[Lamp], by_position: bool = True) -> Lamps | None:
-    """The lamps of tables; None where there are none.
+def build(lamps: Mapping[str, Lamp], by_position: bool = True) -> Lamps | None:
+    """The lamps of tables by name; None where there are none.
 
     Raises
     ------
@@ -276,20 +301,21 @@ def build_lamps(lamps: Sequence[Lamp], by_position: bool = True) -> Lamps | None
     """
     if not lamps:
         return None
-    return Lamps.make([_checked(lamp, number) for number, lamp in enumerate(lamps)], by_position)
+    return Lamps.make([_checked(name, lamp) for name, lamp in lamps.items()], by_position)
 
 
-def _checked(lamp: Lamp, number: int) -> Records:
-    found = lamp.records()
-    kind, where = lamp.__struct_config__.tag, lamp.name or number
+def _checked(name: str, lamp: Lamp) -> Records:
+    kind = lamp.__struct_config__.tag
+    try:
+        found = lamp.records()
+    except ValueError as error:
+        raise LightError(f"lamp.{name}.transform {error}") from None
     if not len(found):
-        raise LightError(
-            f"lamp {where}: a {kind} of no area; give it a size and a transform that keep one"
-        )
+        raise LightError(f"lamp.{name}: a {kind} of no area in float64; give it a larger size")
     brightest = float(found["radiance"].max())
     if not brightest <= LARGEST:
         raise LightError(
-            f"lamp {where}: a {kind} of radiance or intensity {brightest:g}; at most {LARGEST:g} "
+            f"lamp.{name}: a {kind} of radiance or intensity {brightest:g}; at most {LARGEST:g} "
             f"is rendered, since the variance holds squares in float32; make it weaker or larger"
         )
     return found
