@@ -127,12 +127,12 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
                 f"the path (relative ones are sought beside the scene file, those of --set where "
                 f"you are)"
             )
-    _check_grooms(scene, source)
     if scene.environment is None and not scene.lamp:
         raise SceneError(
-            f"{source}: environment is missing, and there is no lamp; add one of them to the file "
-            f"or give --set environment.kind=constant"
+            f"{source}: environment is missing; add it or a lamp to the file, or give --set "
+            f"environment.kind=constant"
         )
+    _check_grooms(scene, source)
     return scene
 
 

@@ -56,7 +56,7 @@ class Lamps:
         if (far & wide).sum() > MOST_WIDE:
             raise LightError(
                 f"{(far & wide).sum()} distant lamps with an angle: at most {MOST_WIDE} are "
-                f"allowed; put them into an [environment] of kind 'image'"
+                f"allowed; put them into a picture of the surroundings, an [environment]"
             )
         ordered = np.concatenate([lamps[~far], lamps[far & wide], lamps[far & ~wide]])
         placed = ordered[: (~far).sum()]
