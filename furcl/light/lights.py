@@ -128,7 +128,7 @@ class Lights:
             which, chance = self.lamps.tree.choose(points[rows], numbers, self.lamps.by_position)
             put(rows, self.lamps.sample(which, points[rows], u[rows]), chance * near[rows])
             found[rows] = self.lamps.found_by_rays(which)
-            lamp[rows] = which
+            lamp[rows] = np.where(chance > 0.0, which, -1)
         fluences = self.fluences(place)
         if fluences.size:
             cdf, first = _infinite_cdf(fluences), int(self.environment is not None)
