@@ -65,7 +65,7 @@ def build(lamps: dict[str, Lamp], environment: str | None = None, **changes) -> 
 def triangles(n: int, seed: int = 3) -> Lamps:
     """Lamps of small triangles that look everywhere."""
     rng = np.random.default_rng(seed)
-    corners = rng.uniform(-2.0, 2.0, (n, 3)) + [0.0, 0.0, 3.0]
+    corners = rng.uniform(-2.0, 2.0, (n, 3)) + np.array([0.0, 0.0, 3.0])
     edges = rng.normal(0.0, 0.15, (2, n, 3))
     return Lamps.make([flat("triangle", corners, *edges, rng.uniform(0.0, 5.0, (n, 3)))])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import lamp_kernels
+import msgspec
 import numpy as np
 import pytest
 from direction_statistics import chi_square_p, sidak
@@ -179,8 +180,8 @@ def test_a_spot_sends_out_its_power():
 @pytest.mark.parametrize("factor", [1.0, 1.05], ids=["true", "mutant"])
 @pytest.mark.parametrize("name", ["triangles", "quads", "by power", "all"])
 def test_lamps_are_taken_as_often_as_their_chance_says(device, name, factor, rng):
-    """Chi-square over the lamps, of chances by the host; the mutant: lamps of an odd number are said
-    to be taken more often."""
+    """Chi-square over the lamps, of chances by the host. The mutant: lamps of an odd number are
+    said to be taken more often."""
     lights, n = SCENES[name], 400_000
     family = 4 * 2
     for point in POINTS[:2]:
@@ -207,8 +208,8 @@ def test_lamps_are_taken_as_often_as_their_chance_says(device, name, factor, rng
 @pytest.mark.parametrize("mutant", [False, True])
 @pytest.mark.parametrize("name", ["quad", "sheared quad", "disk", "sphere", "triangles"])
 def test_samples_follow_the_density(device, name, mutant, rng):
-    """Rays in uniform directions over the lamp, weighed by the density of samples, fill cells of
-    their angles as samples do. The mutant: radii by xi, not its root, or a corner that is favoured."""
+    """The host's density, where its rays meet the lamp, integrated over cells of directions, by
+    chi-square. The mutant: numbers that are not quite uniform."""
     lights = SCENES[name]
     if name == "triangles":
         corner, edges = (-0.5, -0.4, 2.0), ((1.0, 0.2, 0.0), (0.1, 0.9, 0.3))
@@ -264,12 +265,43 @@ def test_samples_follow_the_density(device, name, mutant, rng):
     assert (p >= sidak(5)) == (not mutant), f"p = {p:.3g}"
 
 
+# Lamps, a point at which they are dark, and what is met from there.
+DARK = {
+    "behind a quad": ("quad", (2.0, -2.0, 3.0)),
+    "behind a disk": ("disk", (-0.9, 0.9, 3.5)),
+    "inside a sphere": ("sphere", (0.6, 1.4, 0.7)),
+}
+
+
+@pytest.mark.parametrize("place", DARK)
+def test_dark_sides_are_met_and_dark(device, place, rng):
+    """For rays of a camera and light samples; a lamp with two bright sides is not dark there."""
+    name, point = DARK[place]
+    n = 1000
+    for one, dark in ((lamp_kernels.ONES[name], True), ("two-sided", False)):
+        if isinstance(one, str):
+            if name == "sphere":
+                continue
+            one = msgspec.structs.replace(lamp_kernels.ONES[name], two_sided=True)
+        lights = lamp_kernels.build({name: one})
+        centre = lights.lamps.records["centre"][0]
+        aims = centre + 0.02 * rng.normal(size=(n, 3))
+        directions = aims - point
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        points = np.broadcast_to(point, (n, 3))
+        t, lamp = lamp_kernels.trace(device, lights, points, directions)
+        assert (lamp == 0).all()
+        seen = lamp_kernels.weigh(device, lights, points, directions, np.zeros(n), lamp, t)
+        found, _, _ = drawn(device, lights, point, rng, n)
+        assert ((seen == 0.0).all(), (found.pdf == 0.0).all()) == (dark, dark)
+
+
 MUTANTS = {
     "the back of a quad shines": (r"(lamp\[LAMP_TWO_SIDED\]) > 0\.0f", r"\1 >= 0.0f"),
-    "a disk's radius is not the root": (r"sqrt\(xi\.x\) \* \(float2\)\(cos_phi", "xi.x * (float2)(cos_phi"),
+    "a disk's radius is not the root": (r"sqrt\(xi\.x\) \* \(float2\)", "xi.x * (float2)"),
     "halves are confused": (r"trail & 1u \? second : first", "trail & 1u ? first : second"),
     "a chance is forgotten": (r"taken\.chance \* placed", "placed"),
-    "density of the centre, not of the distance": (r"distance \* distance / \(lamp", "distance / (lamp"),
+    "a distance is not squared": (r"distance \* distance / \(lamp", "distance / (lamp"),
     "no square of the distance": (r"/ fmax\(distance_sq, 1e-30f\)", "/ sqrt(distance_sq)"),
     "the far side of a sphere": (r"\(1\.0f - one_minus_cos\) -", "(1.0f - one_minus_cos) +"),
 }  # fmt: skip
@@ -287,6 +319,13 @@ def test_mutants_are_seen(device, monkeypatch, rng, mutant):
 
     monkeypatch.setattr(lamp_kernels, "program_text", mutated)
     with pytest.raises(AssertionError):
-        for place in (0, 2, 3):
-            test_samples_are_the_hosts(device, "all", place, rng)
-            test_rays_weigh_light_by_the_density_of_samples(device, "all", place, rng)
+        compare_all(device, rng)
+
+
+def compare_all(device, rng):
+    """The tests that see mistakes in any kind."""
+    for place in DARK:
+        test_dark_sides_are_met_and_dark(device, place, rng)
+    for place in (0, 2):
+        test_samples_are_the_hosts(device, "all", place, rng)
+        test_rays_weigh_light_by_the_density_of_samples(device, "all", place, rng)
