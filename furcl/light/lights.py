@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.cdf import inclusive_cdf
+from furcl.light.lamps import distant
 from furcl.light.lamps.lamps import Lamps
 from furcl.light.lamps.layout import HEADER, LEAST_CHANCE, LampsPart, offsets, size_of
 from furcl.light.lamps.record import Array
@@ -146,6 +147,53 @@ class Lights:
                 put(far, self.lamps.sample(which, points[far], u[far]), share)
                 found[far] = self.lamps.found_by_rays(which)
         return ChosenLights(out, found, lamp)
+
+    def radiance_of_rays(
+        self, points: Array, directions: Array, pdf: Array, met: tuple[Array, Whole], place: Array
+    ) -> Array:
+        """Radiance (n, 3) that rays bring, weighed against light samples of their origins by the
+        balance heuristic.
+
+        Parameters
+        ----------
+        points, directions : (n, 3)     origins; unit
+        pdf : (n,)                      density with which directions were sampled; 0: by a camera,
+                                        which takes no light samples
+        met : (n,), (n,)                distance and number of the lamp that ends a ray; -1: it
+                                        leaves the scene
+        place : (3,)                    as for `sample`
+        """
+        near = self.near_chance(points, place)
+
+        def weighed(rows, radiance: Array, rival: Array) -> Array:
+            share = pdf[rows] / np.where(pdf[rows] > 0.0, pdf[rows] + rival, 1.0)
+            return radiance * np.where(pdf[rows] > 0.0, share, 1.0)[:, None]
+
+        out = np.zeros((len(points), 3))
+        distances, lamp = met
+        escaped = np.flatnonzero(lamp < 0)
+        chances = self.infinite_chances(place) if len(self.fluences(place)) else np.zeros(0)
+        ways, far = directions[escaped], 1.0 - near[escaped]
+        if self.environment is not None:
+            rival = far * chances[0] * self.environment.pdf(points[escaped], ways)
+            out[escaped] += weighed(escaped, self.environment.radiance(ways), rival)
+        if self.lamps is None:
+            return out
+        first = int(self.environment is not None)
+        for i in range(self.lamps.n_wide):
+            one = self.lamps.records[self.lamps.n_placed + i :][:1]
+            inside = distant.inside(one, ways)
+            rows = escaped[inside]
+            rival = far[inside] * chances[first + i] * distant.density(one)
+            out[rows] += weighed(rows, np.broadcast_to(one["radiance"], (len(rows), 3)), rival)
+        rows = np.flatnonzero(lamp >= 0)
+        if len(rows) and self.lamps.tree is not None:
+            lamp, origins = lamp[rows], points[rows]
+            density = self.lamps.density(lamp, origins, directions[rows], distances[rows])
+            chance = self.lamps.tree.chance(lamp, origins, self.lamps.by_position)
+            radiance = self.lamps.records["radiance"][lamp] * (density > 0.0)[:, None]
+            out[rows] = weighed(rows, radiance, near[rows] * chance * density)
+        return out
 
     def device_buffer(self, light_sampling: bool, place: Array) -> NDArray[np.float32]:
         """The flat buffer for the kernels: the environment's own where there are no lamps, else
