@@ -142,6 +142,7 @@ class Wavefront:
         self.material = material
         self._surface = [] if features.surface is None else [surface]
         self.light = light
+        self._lamps = [light] if features.area_lamps else []
         self.camera = camera
         self.film = film
         n_slots = layout.whole_blocks(n_slots)
@@ -255,6 +256,7 @@ class Wavefront:
             self.n_slots,
             *self.geometry,
             *self._surface,
+            *self._lamps,
         )
 
     def shade_escaped(self, wave: np.ndarray, active: int, depth: int) -> None:
@@ -344,6 +346,7 @@ class Wavefront:
                 self.n_slots,
                 *self.geometry,
                 *self._surface,
+                *self._lamps,
             )
 
     def swap(self) -> QueueLengths:

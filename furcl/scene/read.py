@@ -134,6 +134,11 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
                 f"{source}: {'.'.join(keys)} = {shown(name)}: {reason}; correct the path (relative "
                 f"ones are sought beside the scene file, those of --set where you are)"
             ) from None
+    if scene.environment is None and not scene.lamp:
+        raise SceneError(
+            f"{source}: environment is missing; add it or a lamp to the file, or give --set "
+            f"environment.kind=constant"
+        )
     _check_grooms(scene, source)
     return scene
 
