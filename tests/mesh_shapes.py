@@ -59,7 +59,7 @@ def soup(rng, n, size=0.2):
 
 
 def nearest(corners, origins, directions, t_max=np.inf):
-    """Nearest hits in float64 by Moller and Trumbore 1997, every ray on every triangle.
+    """Nearest hits in float64 by the usual determinants, every ray on every triangle.
 
     Returns
     -------

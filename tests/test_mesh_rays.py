@@ -29,7 +29,7 @@ def trace(device, corners, origins, directions, t_max=np.inf, curves=None, from_
 
 def triangle_of(name):
     """Numbers of triangles, -1 where there is none."""
-    hit = (name >= TRIANGLE) & (name < NO_SEGMENT - 1)
+    hit = (name >= TRIANGLE) & (name < NO_SEGMENT - 4)
     return np.where(hit, (name.astype(np.int64) - TRIANGLE) // 3, -1)
 
 

@@ -23,8 +23,10 @@ Fields = tuple[tuple[str, str], ...]
 
 NO_SEGMENT = 0xFFFFFFFF
 SURFACE_HIT = 0xFFFFFFFE
+LAMP_HIT = 0xFFFFFFFD
 # Of triangles: this and the number of the first of their vertices. Segments are below.
 TRIANGLE = 0x80000000
+NO_LAMP = 0xFFFFFFFF
 NO_BLOCK = 0xFFFFFFFF
 
 Filter = Literal["box", "tent", "gaussian"]
@@ -97,6 +99,8 @@ def _constants() -> dict[str, str]:
         "NO_SEGMENT": NO_SEGMENT,
         "SURFACE_HIT": SURFACE_HIT,
         "TRIANGLE": TRIANGLE,
+        "LAMP_HIT": LAMP_HIT,
+        "NO_LAMP": NO_LAMP,
         "NO_BLOCK": NO_BLOCK,
         "COUNT_NEXT": COUNT_NEXT,
         "COUNT_MISSES": COUNT_MISSES,
@@ -228,9 +232,9 @@ PATH_STATE = (
     Plane("FROM_SEGMENT", 1),  # uint: segment or triangle that the ray leaves; camera: NO_SEGMENT
     Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
     Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
-    Plane("HIT_T", 1, lambda f: f.has_surfaces),  # fibres need HIT_U alone
+    Plane("HIT_T", 1, lambda f: f.has_surfaces or f.area_lamps),  # fibres need HIT_U alone
     Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, TRIANGLE + that, or *_HIT
-    Plane("HIT_U", 1),  # along the segment, 0..1
+    Plane("HIT_U", 1),  # along the segment, 0..1; of LAMP_HIT which lamp
     Plane("THROUGHPUT", "spectrum"),
     Plane("RADIANCE", "spectrum"),
     Plane("LOBE", 1),  # uint
@@ -238,7 +242,8 @@ PATH_STATE = (
     Plane("JOINT", 1),  # q(lobe, h), relative to uniform h
     Plane("DIR_PDF", 1, lambda f: f.light_sampling),  # about that of DIR, of any h; 0: camera
     Plane("SHADOW_DIR", 3, lambda f: f.light_sampling),
-    Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and not f.light_at_infinity),
+    Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and f.shadow_distances),
+    Plane("SHADOW_LAMP", 1, lambda f: f.light_sampling and f.area_lamps),  # uint, or NO_LAMP
     Plane("SHADOW_RADIANCE", "spectrum", lambda f: f.light_sampling),
 )
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +46,11 @@ class Curves:
     offsets: NDArray[np.int64]
     dropped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     colours: NDArray[np.float32] | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle and copy, which take neither a proxy of a mapping nor the flags of arrays."""
+        arrays = (self.points, self.radii, self.offsets, self.colours)
+        return _frozen, (*arrays, dict(self.dropped))
 
     def __repr__(self) -> str:
         coloured = ", with colours" if self.colours is not None else ""
@@ -144,6 +150,7 @@ class Curves:
         A point that repeats the point before it and its radius (a segment shorter than 1e-18) is
         dropped, and so is a strand whose points are all one; both are counted in `dropped`. Radii
         below 1e-18, such as 0 at a tip, become 1e-18, which no ray meets, and are counted too.
+        The groom has its own copy: what is written to the arrays later does not reach it.
 
         Parameters
         ----------
@@ -159,17 +166,51 @@ class Curves:
         ------
         GroomError                   names the source, the strand and the point
         """
-        points, radii, offsets, colours = _shaped(points, radii, offsets, colours, source)
-        _check_offsets(offsets, len(points), source)
-        _check_points(points, offsets, source)
-        radii, n_thin = _checked_radii(radii, offsets, source)
-        if colours is not None and not np.isfinite(colours).all():
-            where = _place(source, offsets, int(np.argmin(np.isfinite(colours).all(axis=1))))
-            raise GroomError(f"{where}: the colour is not finite; repair or leave out the colours.")
-        points, radii, offsets, colours, cleaned = _clean(points, radii, offsets, colours, source)
-        found = {**(dropped or {}), **cleaned}
-        found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
-        return _frozen(points, radii, offsets, colours, found)
+        points, radii = _array(points, "points", source), _array(radii, "radii", source)
+        curves = adopted(points, radii, offsets, colours, source=source, dropped=dropped)
+        given = [points, radii]
+        given += [np.asarray(array) for array in (offsets, colours) if array is not None]
+
+        def own(array):
+            # One array may stand for several, so each is compared with all.
+            shared = any(np.may_share_memory(array, other) for other in given)
+            return array.copy() if shared else array
+
+        return _frozen(
+            own(curves.points),
+            own(curves.radii),
+            own(curves.offsets),
+            None if curves.colours is None else own(curves.colours),
+            curves.dropped,
+        )
+
+
+def adopted(
+    points: ArrayLike,
+    radii: ArrayLike,
+    offsets: ArrayLike | None = None,
+    colours: ArrayLike | None = None,
+    *,
+    source: str = "curves",
+    dropped: Mapping[str, int] | None = None,
+) -> Curves:
+    """As `Curves.from_arrays`, of arrays that nobody else keeps: what fits is not copied.
+
+    Raises
+    ------
+    GroomError      as `Curves.from_arrays`
+    """
+    points, radii, offsets, colours = _shaped(points, radii, offsets, colours, source)
+    _check_offsets(offsets, len(points), source)
+    _check_points(points, offsets, source)
+    radii, n_thin = _checked_radii(radii, offsets, source)
+    if colours is not None and not np.isfinite(colours).all():
+        where = _place(source, offsets, int(np.argmin(np.isfinite(colours).all(axis=1))))
+        raise GroomError(f"{where}: the colour is not finite; repair or leave out the colours.")
+    points, radii, offsets, colours, cleaned = _clean(points, radii, offsets, colours, source)
+    found = {**(dropped or {}), **cleaned}
+    found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
+    return _frozen(points, radii, offsets, colours, found)
 
 
 def _frozen(points, radii, offsets, colours, dropped) -> Curves:
@@ -191,7 +232,7 @@ def _shaped(points, radii, offsets, colours, source):
             f"{source}: there are no offsets, and points of shape {points.shape} do not say where "
             "strands begin. Give offsets, or points (S, K, 3) of S strands of K points."
         )
-    offsets = np.asarray(offsets)
+    offsets = _array(offsets, "offsets", source)
     if points.ndim != 2 or points.shape[1] != 3:
         raise GroomError(
             f"{source}: points has shape {points.shape}; expected (N, 3), one row x y z per point, "
@@ -228,7 +269,7 @@ def _shaped(points, radii, offsets, colours, source):
 def _flattened(points, radii, colours, source):
     """Strands of equally many points as flat arrays with offsets."""
     shape = points.shape[:2]
-    colours = None if colours is None else np.asarray(colours)
+    colours = None if colours is None else _array(colours, "colours", source)
     for name, array, wanted in (("radii", radii, shape), ("colours", colours, (*shape, 3))):
         if array is not None and array.ndim and array.shape != wanted:
             raise GroomError(
@@ -239,8 +280,15 @@ def _flattened(points, radii, colours, source):
     return points.reshape(-1, 3), radii.ravel() if radii.ndim else radii, offsets, colours
 
 
+def _array(values, name, source):
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise GroomError(f"{source}: {name} is no array: {error}. Give numbers.") from None
+
+
 def _numbers(values, name, source):
-    array = np.asarray(values)
+    array = _array(values, name, source)
     if array.dtype.kind not in "fiu":
         raise GroomError(f"{source}: {name} has type {array.dtype}; expected real numbers.")
     return array

@@ -22,7 +22,7 @@ from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
-from furcl.light.model import Light
+from furcl.light.lights import Lights
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
@@ -92,10 +92,10 @@ def set_up(
     GroomError, SceneError, ResourceError, KernelBuildError
     """
     timed = Timer()
-    light = scene.build_light()
+    lights = scene.build_lights()
     fibre = scene.build_fibre()
     meshes = scene.build_meshes()
-    features = scene_features(scene, fibre, light, meshes, with_target)
+    features = scene_features(scene, fibre, lights, meshes, with_target)
     if not specialised:
         features = everything_on(features)
 
@@ -133,7 +133,7 @@ def set_up(
         )
         with timed("compile"):
             wavefront = _wavefront(
-                memory, scene, features, material, meshes, light, film, grown, size
+                memory, scene, features, material, meshes, lights, film, grown, size
             )
         learning = None
         if wavefront.learning:
@@ -157,7 +157,7 @@ def set_up(
         learning,
         size,
         built.n_segments,
-        light.n_negative,
+        lights.n_negative,
         timed.seconds,
     )
 
@@ -184,15 +184,15 @@ def _wavefront(
     features: Features,
     material: FibreMaterial,
     meshes: Meshes | None,
-    light: Light,
+    lights: Lights,
     film: Film,
     curves: Curves,
     size: WaveSize,
 ) -> Wavefront:
     """Compile the kernels and allocate what they work on."""
-    buffer: cl.Buffer = index_checks.upload(
-        memory, "light", light.device_buffer(features.light_sampling), features.debug
-    )
+    middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
+    light = lights.device_buffer(features.light_sampling, middle)
+    buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
     shading = None
     if meshes and isinstance(features.meshes, MeshPart):
         shading = memory.upload("mesh shading", meshes.shading(features.meshes))

@@ -8,7 +8,8 @@ from furcl.device.features import Features
 from furcl.errors import SceneError
 from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
 from furcl.fibre.model import model_of
-from furcl.light.model import Light
+from furcl.light.lamps.layout import LampsPart
+from furcl.light.lights import Lights
 from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
@@ -17,7 +18,7 @@ from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
 def scene_features(
-    scene: Scene, fibre: Any, light: Light, meshes: Meshes | None, with_target: bool = False
+    scene: Scene, fibre: Any, lights: Lights, meshes: Meshes | None, with_target: bool = False
 ) -> Features:
     """What the kernels of a scene, with what is built from it, need, whatever the groom is.
 
@@ -38,21 +39,22 @@ def scene_features(
             f"scene {scene.name!r}: render.variance = false: {wants} needs the variance; set it to "
             f"true or leave it out"
         )
-    if render.light_sampling == "bcsdf" and not light.at_infinity:
+    if render.light_sampling == "bcsdf" and lights.hidden:
         raise SceneError(
             f"scene {scene.name!r}: render.light_sampling = 'bcsdf' never finds a light of kind "
-            f"{light.kind!r}; allowed are 'mis' and 'auto'"
+            f"{lights.hidden[0]!r}; allowed are 'mis' and 'auto'"
         )
     light_sampling = render.light_sampling == "mis" or (
-        render.light_sampling == "auto" and (light.worth_sampling or not light.at_infinity)
+        render.light_sampling == "auto" and lights.worth_sampling
     )
-    grey = model_of(fibre).is_grey(fibre) and light.grey
+    grey = model_of(fibre).is_grey(fibre) and lights.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
     grey = grey and (meshes is None or meshes.is_grey)
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
-        light=light.part(),
+        light=lights.environment_part,
+        lamps=lights.lamps_part,
         surface=scene.body.part if scene.body is not None else None,
         meshes=meshes.part if meshes is not None else None,
         channels=1 if grey else 3,
@@ -79,6 +81,7 @@ def everything_on(features: Features) -> Features:
         channels=3,
         light_sampling=True,
         point_radii=True,
+        lamps=features.lamps.everything_on() if isinstance(features.lamps, LampsPart) else None,
         surface=features.surface or ABSENT.part,
         meshes=features.meshes and MeshPart(normals=True, textures=True, emission=True),
         lens=True,
@@ -103,11 +106,13 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     return {
         **material.fibre_features.optional(),
         "colour": (features.channels == 3, "fibre, light and surfaces are grey: one channel"),
-        "light_sampling": (features.light_sampling, "the environment is not sampled"),
+        "light_sampling": (features.light_sampling, "the light is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
         "meshes": (features.meshes is not None, "the scene has no meshes"),
         **{name: (bool(meshes.get(name)), reason) for name, reason in of_meshes.items()},
+        "environment": (features.light is not None, "the scene has no environment"),
+        "lamps": (features.lamps is not None, "the scene has no lamps"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "sobol": (features.sequence == "sobol", "samples of a pixel are independent"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),

@@ -146,6 +146,7 @@ class Wavefront:
         self._surface = [] if features.surface is None else [surface]
         self._shading = [] if features.meshes is None else [shading]
         self.light = light
+        self._lamps = [light] if features.area_lamps else []
         self.camera = camera
         self.film = film
         n_slots = layout.whole_blocks(n_slots)
@@ -266,6 +267,7 @@ class Wavefront:
             *self.geometry,
             *self.mesh_geometry,
             *self._surface,
+            *self._lamps,
         )
 
     def shade_escaped(self, wave: np.ndarray, active: int, depth: int) -> None:
@@ -358,6 +360,7 @@ class Wavefront:
                 *self.geometry,
                 *self.mesh_geometry,
                 *self._surface,
+                *self._lamps,
             )
 
     def swap(self) -> QueueLengths:

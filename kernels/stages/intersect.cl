@@ -1,13 +1,13 @@
-/* Stage 2. Rays against meshes, the surface and the groom.
+/* Stage 2. Rays against meshes, the surface, the lamps and the groom.
 
    A work-item takes FURCL_RAYS_PER_ITEM rays; the vectors are inside a ray (eight lanes at a time). */
 #include "bvh/traversal.clh"
 #include "core/paths.clh"
-#if FURCL_MESHES
-#include "bvh/triangles.clh"
-#endif
 #if FURCL_SURFACE
 #include <surface>
+#endif
+#if FURCL_AREA_LAMPS
+#include <lamps>
 #endif
 
 /* What the rays of a kernel are read from and what becomes of them. */
@@ -23,34 +23,25 @@ typedef struct {
 #if FURCL_MESHES
     __global const StoredVertex* vertices;  /* of the groom */
 #endif
+#if FURCL_AREA_LAMPS
+    __global const float* light;
+#endif
 } PathRays;
 
+#if FURCL_LIGHT_SAMPLING
+/* How far a light sample is away. */
+static inline float shadow_distance(Paths paths, uint slot)
+{
+#if FURCL_SHADOW_DISTANCES
+    return path_float(paths, PS_SHADOW_DISTANCE, slot);
+#else
+    return INFINITY;
+#endif
+}
+#endif
+
 #if FURCL_MESHES
-
-/* A ray among the triangles, of a path whose origin is known. What it meets is kept in HIT_T and
-   HIT_SEGMENT, where the search for fibres begins with it. */
-static inline void mesh_ray(
-    const PathRays* rays, uint slot, uint direction_plane, float distance, Query* query, Hit* hit)
-{
-    const Paths paths = rays->paths;
-    const uint from = path_uint(paths, PS_FROM_SEGMENT, slot);
-    *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, direction_plane, slot), from, 0.0f};
-    if (from < FURCL_TRIANGLE) query->reach = reach_of(rays->vertices, FURCL_SEGMENT(paths, from));
-    *hit = (Hit){distance, 0.0f, FURCL_NO_SEGMENT};
-}
-
-static inline void load_mesh_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
-{
-    mesh_ray(rays, queued_slot(rays->paths, rays->queue, i), PS_DIR, INFINITY, query, hit);
-}
-
-static inline void store_mesh_hit(const PathRays* rays, uint i, const Hit* hit)
-{
-    const uint slot = queued_slot(rays->paths, rays->queue, i);
-    set_path_float(rays->paths, PS_HIT_T, slot, hit->t);
-    set_path_uint(rays->paths, PS_HIT_SEGMENT, slot, hit->segment);
-}
-
+#include "bvh/path_triangles.clh"
 #endif
 
 /* The segment that the ray of a path leaves. */
@@ -76,13 +67,25 @@ static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit
 #if FURCL_SURFACE
     surface_hit(rays->surface, query, hit);
 #endif
+#if FURCL_AREA_LAMPS
+    lamps_hit(rays->light, query, FURCL_NO_LAMP, hit);
+#endif
 }
 
 static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
-    if (hit->segment == FURCL_NO_SEGMENT) {
+    bool ends = hit->segment == FURCL_NO_SEGMENT;
+#if FURCL_AREA_LAMPS
+    ends |= hit->segment == FURCL_LAMP_HIT;
+#endif
+    if (ends) {
+#if FURCL_AREA_LAMPS
+        set_path_uint(paths, PS_HIT_SEGMENT, slot, hit->segment);
+        set_path_float(paths, PS_HIT_U, slot, hit->u);
+        set_path_float(paths, PS_HIT_T, slot, hit->t);
+#endif
         const uint place = atomic_inc(rays->counts + FURCL_COUNT_MISSES);
         rays->miss_queue[FURCL_SLOT(paths, place)] = slot;
         return;
@@ -102,7 +105,8 @@ static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 
    reads    state: ORIGIN, DIR, FROM_SEGMENT; the groom, meshes; active_counts: COUNT_NEXT of the bounce
             before
-   writes   state: HIT_*; the hit queue of each material, the miss queue and their lengths in counts
+   writes   state: HIT_*; the hit queue of each material, the miss queue, where lamps are too, and their
+            lengths in counts
    over     the queue of paths that go on, FURCL_RAYS_PER_ITEM a work-item
    next     shade_escaped over the miss queue; for each material sample_lobe_h and shade, or
             shade_surface, over its hit queue */
@@ -118,6 +122,9 @@ __kernel void intersect_closest(
 #if FURCL_SURFACE
     , const SurfaceParams surface
 #endif
+#if FURCL_AREA_LAMPS
+    , __global const float* light
+#endif
     )
 {
     const Groom groom = groom_of(blocks, vertices, strands);
@@ -130,6 +137,9 @@ __kernel void intersect_closest(
 #if FURCL_SURFACE
     rays.surface = &surface;
 #endif
+#if FURCL_AREA_LAMPS
+    rays.light = light;
+#endif
 #if FURCL_MESHES
     rays.vertices = vertices;
     const Groom meshes = groom_of(mesh_blocks, mesh_vertices, mesh_ends);
@@ -140,25 +150,7 @@ __kernel void intersect_closest(
 
 #if FURCL_LIGHT_SAMPLING
 
-/* How far a light sample is away. */
-static inline float shadow_distance(Paths paths, uint slot)
-{
-#if FURCL_LIGHT_AT_INFINITY
-    return INFINITY;
-#else
-    return path_float(paths, PS_SHADOW_DISTANCE, slot);
-#endif
-}
-
-#if FURCL_MESHES
-static inline void load_mesh_shadow_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
-{
-    const uint slot = queued_slot(rays->paths, rays->queue, i);
-    mesh_ray(rays, slot, PS_SHADOW_DIR, shadow_distance(rays->paths, slot), query, hit);
-}
-#endif
-
-/* A surface in the way ends the search for fibres where it begins. */
+/* A mesh, a surface or a lamp in the way ends the search for fibres where it begins. */
 static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
     const Paths paths = rays->paths;
@@ -172,6 +164,9 @@ static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, H
 #endif
 #if FURCL_SURFACE
     if (surface_hit(rays->surface, query, hit)) hit->t = 0.0f;
+#endif
+#if FURCL_AREA_LAMPS
+    if (lamps_hit(rays->light, query, path_uint(paths, PS_SHADOW_LAMP, slot), hit)) hit->t = 0.0f;
 #endif
 }
 
@@ -202,6 +197,9 @@ __kernel void intersect_shadow(
 #if FURCL_SURFACE
     , const SurfaceParams surface
 #endif
+#if FURCL_AREA_LAMPS
+    , __global const float* light
+#endif
     )
 {
     const Groom groom = groom_of(blocks, vertices, strands);
@@ -210,6 +208,9 @@ __kernel void intersect_shadow(
     rays.queue = shadow_queue;
 #if FURCL_SURFACE
     rays.surface = &surface;
+#endif
+#if FURCL_AREA_LAMPS
+    rays.light = light;
 #endif
 #if FURCL_MESHES
     rays.vertices = vertices;

@@ -106,7 +106,7 @@ class Meshes:
 
     def __init__(self, meshes: Sequence[Mesh]) -> None:
         self.meshes = tuple(meshes)
-        if 3 * self.n_triangles >= TRIANGLE - 2:
+        if 3 * self.n_triangles >= TRIANGLE - 4:
             raise MeshError(
                 f"the meshes have {self.n_triangles} triangles in all; up to {TRIANGLE // 3 - 1} "
                 f"are possible; simplify them"
