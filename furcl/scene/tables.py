@@ -20,6 +20,7 @@ from furcl.fibre import samplers
 from furcl.fibre.model import ModelTable
 from furcl.groom import kinds as groom_kinds
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
 from furcl.light.model import Light
@@ -203,6 +204,15 @@ class Scene(Table, frozen=True, kw_only=True):
         """
         return self.fibre.build()
 
+    def build_fibres(self) -> dict[str, Any]:
+        """Name of each fibre material -> its parameters, of its model's own class.
+
+        Raises
+        ------
+        FibreError      a value outside its range
+        """
+        return {"fibre": self.build_fibre()}
+
     def build_light(self) -> Light:
         """The light around the scene; files are read here.
 
@@ -220,6 +230,15 @@ class Scene(Table, frozen=True, kw_only=True):
         GroomError      if the file cannot be used, or the generator refuses its parameters
         """
         return self.curves.build()
+
+    def build_grooms(self) -> Grooms:
+        """Read or grow all grooms.
+
+        Raises
+        ------
+        GroomError      as `build_curves`
+        """
+        return Grooms.of(self.build_curves())
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""
