@@ -45,6 +45,7 @@ FIBRE_VALUES = {
 VALUES = {
     **FIBRE_VALUES,
     "sampler": samplers.BUILT_IN,
+    "fibres": (1, 2),
     "channels": (1, 3),
     "light": (None, *(light.kind for light in lights.BUILT_IN)),
     "lamps": (
@@ -260,6 +261,7 @@ ABSENT = [
     ({"meshes": MeshPart(textures=False)}, "shade_surface", ("texture_colour(",)),
     ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
     ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
+    ({"fibres": 1}, "intersect_closest", ("material_of_vertex(",)),
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
@@ -281,7 +283,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
-        "meshes": MeshPart(normals=True, textures=True, emission=True),
+        "meshes": MeshPart(normals=True, textures=True, emission=True), "fibres": 2,
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

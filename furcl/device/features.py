@@ -55,7 +55,8 @@ class Features:
     surface : Part or None      a surface beside the strands, see furcl.surface
     meshes : Part or None       meshes of triangles, see furcl.surface.mesh
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
-    channels : int              3 for RGB, 1 where fibre, surface and light are grey
+    fibres : int                fibre materials of the scene, each with kernels of its own
+    channels : int              3 for RGB, 1 where fibres, surface and light are grey
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
@@ -76,6 +77,7 @@ class Features:
     surface: Part | None = None
     meshes: Part | None = None
     learning: Part | None = None
+    fibres: int = 1
     channels: int = 3
     light_sampling: bool = False
     point_radii: bool = True
@@ -97,8 +99,13 @@ class Features:
 
     @property
     def has_surfaces(self) -> bool:
-        """Whether there is more to hit than fibres."""
+        """Whether there is more to hit than fibres and lamps."""
         return self.surface is not None or self.meshes is not None
+
+    @property
+    def hit_queues(self) -> int:
+        """Queues of hits: one for each fibre material, the last for surfaces if there are any."""
+        return self.fibres + self.has_surfaces
 
     @property
     def light_at_infinity(self) -> bool:
@@ -125,6 +132,7 @@ class Features:
         }
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
+        values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)
         values["FURCL_MESHES"] = int(self.meshes is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)

@@ -22,6 +22,7 @@ from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.light.lights import Lights
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
@@ -33,6 +34,16 @@ from furcl.surface.kinds import ABSENT
 from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
+@dataclass(frozen=True)
+class GroomFacts:
+    """A groom of a scene as rays meet it: its name, that of its material, and its size."""
+
+    name: str
+    material: str
+    strands: int
+    segments: int
+
+
 @dataclass(frozen=True, eq=False)
 class Setup:
     """Everything that a scene needs on one device.
@@ -40,7 +51,9 @@ class Setup:
     Attributes
     ----------
     memory : Memory             holds all buffers
-    features : Features         of the scene; the material's are these with its parts
+    features : Features         of the scene; those of materials are these with their parts
+    materials : list            FibreMaterial each, in the order of the scene
+    grooms : list               GroomFacts each, in the order of their strands
     learning : Learning or None     where something is learned while rendering
     seconds : dict              curves (from here on), bvh, tables, compile [s]; the first two pass
                                 while the next two do; learning [s] where there is some
@@ -49,7 +62,8 @@ class Setup:
 
     memory: Memory
     features: Features
-    material: FibreMaterial
+    materials: list[FibreMaterial]
+    grooms: list[GroomFacts]
     film: Film
     wavefront: Wavefront
     learning: Learning | None
@@ -80,7 +94,7 @@ def set_up(
     *,
     wave_size: int | None = None,
     specialised: bool = True,
-    curves: Curves | Future[Curves] | None = None,
+    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
     with_target: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
@@ -93,22 +107,21 @@ def set_up(
     """
     timed = Timer()
     lights = scene.build_lights()
-    fibre = scene.build_fibre()
-    meshes = scene.build_meshes()
-    features = scene_features(scene, fibre, lights, meshes, with_target)
+    fibres, meshes = scene.build_fibres(), scene.build_meshes()
+    features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
     if not specialised:
         features = everything_on(features)
 
-    def take_groom() -> Curves:
+    def take_grooms() -> Grooms:
         with timed("curves"):
             given = curves.result() if isinstance(curves, Future) else curves
-            return (given or scene.build_curves()).traced()
+            return (scene.build_grooms() if given is None else Grooms.of(given)).traced()
 
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
 
-    def build_trees(groom: Future[Curves]) -> tuple[Bvh, TriangleBvh | None]:
-        grown = groom.result()
+    def build_trees(grooms: Future[Grooms]) -> tuple[Bvh, TriangleBvh | None]:
+        grown = grooms.result().curves
         radii = point_radii(grown)
         with timed("bvh"):
             tree = build_bvh(memory, grown, radii, debug=features.debug)
@@ -118,14 +131,18 @@ def set_up(
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
-        groom = beside.submit(take_groom)
-        trees = beside.submit(build_trees, groom)
+        taken = beside.submit(take_grooms)
+        trees = beside.submit(build_trees, taken)
         embree.load()
-        if groom.done():
-            groom.result()  # a file that cannot be used says so before tables are made
+        if taken.done():
+            taken.result()  # a file that cannot be used says so before tables are made
         with timed("tables"):
-            material = _material(memory, scene, fibre, features, specialised)
-        grown = groom.result()
+            materials = [
+                _material(memory, scene, name, fibre, features, specialised)
+                for name, fibre in fibres.items()
+            ]
+        grooms = taken.result()
+        grown = grooms.curves
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
         film = Film.allocate(
@@ -133,7 +150,7 @@ def set_up(
         )
         with timed("compile"):
             wavefront = _wavefront(
-                memory, scene, features, material, meshes, lights, film, grown, size
+                memory, scene, features, materials, meshes, lights, film, grown, size
             )
         learning = None
         if wavefront.learning:
@@ -147,11 +164,12 @@ def set_up(
                     scene.render.shadow_threshold,
                 )
         built, mesh_tree = trees.result()
-        wavefront.place(built.arguments(), mesh_tree)
+        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), meshes=mesh_tree)
     return Setup(
         memory,
         features,
-        wavefront.material,
+        [fibre.material for fibre in wavefront.fibres],
+        _facts(grooms, list(fibres)),
         film,
         wavefront,
         learning,
@@ -162,10 +180,25 @@ def set_up(
     )
 
 
+def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:
+    """What statistics say of grooms, in the order of their strands."""
+    return [
+        GroomFacts(
+            groom.name, materials[groom.material], groom.curves.n_strands, groom.curves.n_segments
+        )
+        for groom in grooms.grooms
+    ]
+
+
 def _material(
-    memory: Memory, scene: Scene, fibre: object, features: Features, specialised: bool
+    memory: Memory,
+    scene: Scene,
+    name: str,
+    fibre: object,
+    features: Features,
+    specialised: bool,
 ) -> FibreMaterial:
-    """The scene's fibre on the device."""
+    """A fibre of the scene on the device."""
     model, residual = model_of(fibre), scene.render.residual
     needed = model.features(fibre, residual=residual)
     return build_material(
@@ -175,6 +208,7 @@ def _material(
         samplers.find(scene.render.sampling),
         fibre_features=needed if specialised else needed.everything_on(),
         drop_lobes=specialised,
+        name=name,
     )
 
 
@@ -182,7 +216,7 @@ def _wavefront(
     memory: Memory,
     scene: Scene,
     features: Features,
-    material: FibreMaterial,
+    materials: list[FibreMaterial],
     meshes: Meshes | None,
     lights: Lights,
     film: Film,
@@ -199,7 +233,7 @@ def _wavefront(
     return Wavefront(
         memory,
         features,
-        material.with_features(features),
+        [material.with_features(features) for material in materials],
         None if features.surface is None else (scene.body or ABSENT).params(),
         shading,
         buffer,
