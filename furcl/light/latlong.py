@@ -19,6 +19,7 @@ from furcl.errors import ImageError
 from furcl.image.colour import luminance
 from furcl.image.exr import read_exr, rgb_of
 from furcl.image.hdr import is_hdr, read_hdr
+from furcl.light.compensation import compensated_power
 
 log = logging.getLogger(__name__)
 
@@ -48,9 +49,10 @@ class LatLong:
     n_negative : int                pixels with a negative channel, which was set to zero
 
     Cells are the pixels. A cell's chance goes with the luminance of the bilinear interpolant
-    averaged over it, so it is positive wherever the interpolant is; inside, directions are uniform
-    in solid angle. The density is taken from the differences of the float32 tables, so it is
-    exactly what sampling gives, and no formula divides by sin(theta) at the poles.
+    averaged over it, less a part of the mean (`furcl.light.compensation`), and is positive wherever
+    the interpolant is; inside, directions are uniform in solid angle. The density is taken from the
+    differences of the float32 tables, so it is exactly what sampling gives, and no formula divides
+    by sin(theta) at the poles.
     """
 
     texels: NDArray[np.float32]
@@ -125,12 +127,14 @@ class LatLong:
         weights = _cell_weights(np.asarray(luminance(texels), np.float64))
         if not weights.any():
             raise ImageError(f"{source}: every pixel is black; a light image needs light")
-        height = len(weights)
-        rows = weights.mean(axis=1) * -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1)))
+        height, width = weights.shape
+        bands = -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1)))[:, None]
+        angles = bands * (2.0 * math.pi / width)
+        power = compensated_power(weights * angles, angles)
         return cls(
             texels=texels,
-            marginal=_cdf(rows[None])[0],
-            conditional=_cdf(weights),
+            marginal=_cdf(power.sum(axis=1)[None])[0],
+            conditional=_cdf(power),
             rotation=rotation_deg / 360.0,
             n_negative=n_negative,
         )
