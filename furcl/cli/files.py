@@ -81,9 +81,9 @@ def compare(
         typer.echo(f"{name:<10} {text}")
     if at_most:
         typer.echo(
-            'z: of sequence "sobol" a picture knows an upper bound of its variance, so mean, rms and '
-            "share_above_3 are too small; whole is not. Compare several seeds, or pictures with "
-            "render.sequence=independent"
+            'z: of sequence "sobol" a picture knows an upper bound of its variance, so mean, rms '
+            "and share_above_3 are too small; whole is not. Compare several seeds, or pictures "
+            "with render.sequence=independent"
         )
 
 
