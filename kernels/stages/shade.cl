@@ -92,28 +92,33 @@ __kernel void shade(
         const Lanes4 light_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
                                               bounce_dimension(depth, DIM_LIGHT));
 #endif
+        /* Of roulette and, for light samples of lobes whose h it draws, of the sampler. */
+        bool needed = roulette_plays(&wave, depth);
+#if FURCL_LIGHT_SAMPLING && (FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI)
+        needed = true;
+#endif
+        Lanes4 ending_xi = {0.0f, 0.0f, 0.0f, 0.0f};
+        if (needed)
+            ending_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
+                                      bounce_dimension(depth, DIM_ROULETTE));
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
-            const uint pixel = uint_lane(&hits.pixel, k), sample = uint_lane(&hits.sample, k);
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
             const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
             const float4 at = point_on_fibre(paths, slot, vertices);
             Bounce bounce =
                 scatter_at_fibre(paths, slot, &frame, &fibre, &in, at, lane4(&hits.xi, k));
 #if FURCL_LIGHT_SAMPLING
-            float3 sampler_xi = (float3)(0.0f);
-#if FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI
-            sampler_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_ROULETTE)).yzw;
-#endif
             float4 choice = (float4)(0.0f);
 #if FURCL_LAMPS
-            choice = light_choice_numbers(wave.seed, pixel, sample, depth);
+            choice = light_choice_numbers(wave.seed, uint_lane(&hits.pixel, k),
+                                          uint_lane(&hits.sample, k), depth);
 #endif
-            add_light_sample(
-                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice, sampler_xi);
+            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
+                             lane4(&ending_xi, k).yzw);
 #endif
-            const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce
+            const PathQueues to = continue_path(paths, slot, lane(&ending_xi.x, k), &wave, depth, &bounce
 #if FURCL_LEARNING
                 , &learned
 #endif
