@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -20,6 +21,7 @@ from furcl.device.memory import Memory
 from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
+from furcl.fibre.packed import Packed, bind
 from furcl.groom.curves import Curves
 from furcl.groom.joined import Grooms
 from furcl.light.model import Light
@@ -107,8 +109,6 @@ def set_up(
     light = scene.build_light()
     fibres = scene.build_fibres()
     features = scene_features(scene, list(fibres.values()), light, with_target)
-    if not specialised:
-        features = everything_on(features)
 
     def take_grooms() -> Grooms:
         with timed("curves"):
@@ -130,9 +130,18 @@ def set_up(
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
+        bound: dict[str, Packed] = {}
+        if any(table.absorption for table in scene.materials().values()):
+            with timed("tables"):
+                bound = _bind(scene, fibres, taken.result())
+            fibres |= {name: _bound_fibre(fibres[name], packed) for name, packed in bound.items()}
+            grey = all(packed.grey for packed in bound.values())
+            features = scene_features(scene, list(fibres.values()), light, with_target, grey)
+        if not specialised:
+            features = everything_on(features)
         with timed("tables"):
             materials = [
-                _material(memory, scene, name, fibre, features, specialised)
+                _material(memory, scene, name, fibre, features, specialised, bound.get(name))
                 for name, fibre in fibres.items()
             ]
         grooms = taken.result()
@@ -189,19 +198,38 @@ def _material(
     fibre: object,
     features: Features,
     specialised: bool,
+    bound: Packed | None,
 ) -> FibreMaterial:
     """A fibre of the scene on the device."""
+    varies = bound is not None and bound.by != "constant"
     model, residual = model_of(fibre), scene.render.residual
     needed = model.features(fibre, residual=residual)
     return build_material(
         memory,
         fibre,
-        features,
+        features.with_(absorption=bound.by) if bound and varies else features,
         samplers.find(scene.render.sampling),
         fibre_features=needed if specialised else needed.everything_on(),
         drop_lobes=specialised,
         name=name,
+        absorbs=bound.absorbs if bound and varies else None,
+        absorption=bound.words if bound and varies else None,
     )
+
+
+def _bind(scene: Scene, fibres: dict[str, Any], grooms: Grooms) -> dict[str, Packed]:
+    """What differs between the strands of each material that says so."""
+    bound = {}
+    for number, (name, table) in enumerate(scene.materials().items()):
+        if table.absorption and grooms.of_material(number):
+            fibre = fibres[name]
+            bound[name] = bind(table.absorption, model_of(fibre), fibre, grooms, number)
+    return bound
+
+
+def _bound_fibre(fibre: Any, bound: Packed) -> Any:
+    """A fibre with the largest absorption that its strands have."""
+    return model_of(fibre).with_absorption(fibre, bound.sigma)
 
 
 def _wavefront(
