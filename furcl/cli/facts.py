@@ -131,9 +131,9 @@ def _parameters(fibre: Any) -> str:
 
 
 def _environment(scene: Scene) -> str:
-    clamped = scene.build_light().n_negative
+    clamped = scene.build_lights().n_negative
     found = f", {clamped} pixels below zero set to zero" if clamped else ""
-    return f"{scene.environment}{found}"
+    return f"{scene.environment or 'none'}{found}"
 
 
 def _of_curves(curves: Curves) -> dict[str, str]:

@@ -8,7 +8,6 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
 
 import numpy as np
 
@@ -16,14 +15,14 @@ from furcl.bvh.build import BUFFERS
 from furcl.device import layout
 from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
-from furcl.groom.curves import Curves
-from furcl.groom.joined import Grooms
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
-from furcl.rendering.arguments import check_curves, check_stops
+from furcl.rendering.arguments import Given, check_curves, check_stops
+from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, set_up
 from furcl.rendering.specialise import left_out, summary
+from furcl.rendering.state import read_header
 from furcl.rendering.target import Target
 from furcl.rendering.wavefront import QueueLengths, Wavefront
 from furcl.scene.read import with_overrides
@@ -81,7 +80,7 @@ class Renderer:
         device: str | Device | None = None,
         wave_size: int | None = None,
         specialised: bool = True,
-        curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+        curves: Given = None,
         target: Target | None = None,
     ) -> None:
         check_curves(curves)
@@ -154,18 +153,20 @@ class Renderer:
 
     def advance(
         self,
-        spp: int,
+        spp: int | None = None,
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> bool:
-        """Add `spp` samples to every pixel, on average where they take different numbers.
+        """Add `spp` samples to every pixel, on average where they take different numbers; None:
+        what is missing of the scene's number, where progress counts all paths.
 
         Stops between two waves when `time_limit` [s] of rendering is over or `progress` returns
         true; pixels may then differ by one sample, with a plan by those of a step, which the film
         knows. Returns whether all samples were added; with a target, whether it is reached.
         """
-        start, first, reached = time.perf_counter(), self.paths_done, False
-        end = first + spp * self.n_pixels
+        start, reached = time.perf_counter(), False
+        first = 0 if spp is None else self.paths_done
+        end = first + (self.scene.render.spp if spp is None else spp) * self.n_pixels
         try:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
@@ -181,11 +182,11 @@ class Renderer:
                 self.paths_done += int(wave["n_paths"])
                 self._learn()
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
-                    self._count_lobes()
+                    self.count_lobes()
                 expected = self._end_expected(end)
                 if progress and progress(self.paths_done - first, expected - first):
                     break
-            self._count_lobes()
+            self.count_lobes()
             self.device.queue.finish()
         finally:
             passed = time.perf_counter() - start
@@ -243,11 +244,15 @@ class Renderer:
         self.misses += int(counts[layout.COUNT_MISSES])
         return active
 
-    def _count_lobes(self) -> None:
+    def count_lobes(self) -> None:
         """Take the counts of chosen lobes over from the device."""
         if self.features.statistics:
             for mine, read in zip(self.lobe_counts, self.wavefront.read_lobe_counts(), strict=True):
                 mine += read
+        self.lobes_are_counted()
+
+    def lobes_are_counted(self) -> None:
+        """The rays so far have their lobes in `lobe_counts`."""
         self._rays_with_lobes = self.rays
 
     def _next_wave(self, end: int) -> tuple[np.ndarray, int]:
@@ -273,12 +278,12 @@ class Renderer:
         if empty.any():
             mean[empty] = variance[empty] = 0.0
         stats = self.stats()
-        stats["error"] = estimated_errors(mean, variance)
+        stats["error"] = None if empty.any() else estimated_errors(mean, variance)
         stats["samples"] = {"min": int(samples.min()), "max": int(samples.max())}
         stats["pixels_without_samples"] = int(empty.sum())
         return Image(
             rgb=mean,
-            variance=variance,
+            variance=variance if self.features.variance else None,
             stats=stats,
             exposure_stops=self.scene.film.exposure_stops,
             samples=samples,
@@ -369,7 +374,10 @@ def render(
     target_rmse: float | None = None,
     target_relmse: float | None = None,
     wave_size: int | None = None,
-    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+    curves: Given = None,
+    checkpoint: str | os.PathLike | None = None,
+    checkpoint_minutes: float | None = None,
+    resume: str | os.PathLike | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -389,6 +397,12 @@ def render(
                                         a constant of the kind of device
     curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
                                         on their way
+    checkpoint : path or None           file that keeps the render where `progress` stops it, to
+                                        go on from; with `checkpoint_minutes` also where it ends
+    checkpoint_minutes : float or None  keep it so often too, against kills and power failures
+    resume : path or None               go on from such a file, to the bits of a render that never
+                                        stopped; spp may be larger than there where all pixels take
+                                        the same number of samples
 
     Returns
     -------
@@ -398,9 +412,12 @@ def render(
 
     Raises
     ------
-    SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError
+    SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError,
+    CheckpointError
     """
     check_stops(progress, time_limit)
+    check_checkpoints(checkpoint, checkpoint_minutes)
+    saved = None if resume is None else read_header(resume)
     if not isinstance(scene, Scene):
         from furcl.scene.read import load_scene
 
@@ -414,7 +431,15 @@ def render(
         "%s",
         summary(renderer.material, renderer.memory.total_bytes, renderer.seconds["compile"]),
     )
-    complete = renderer.advance(scene.render.spp, progress, time_limit)
+    if saved:
+        go_on(renderer, curves, saved)
+    kept = None
+    if checkpoint is not None:
+        kept = Checkpoints(renderer, curves, checkpoint, checkpoint_minutes)
+        progress = kept.watching(progress)
+    complete = renderer.advance(None, progress, time_limit)
+    if kept:
+        kept.end()
     image = renderer.image()
     image.stats["complete"] = complete
     image.stats["target"] = target.as_dict() if target else None

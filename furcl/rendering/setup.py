@@ -18,13 +18,15 @@ from furcl.bvh.build import Bvh, build_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
+from furcl.errors import GroomError
 from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.fibre.packed import Packed, bind
 from furcl.groom.curves import Curves
-from furcl.groom.joined import Grooms
-from furcl.light.model import Light
+from furcl.groom.joined import Groom, Grooms
+from furcl.light.lights import Lights
+from furcl.rendering.arguments import Given
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
@@ -94,7 +96,7 @@ def set_up(
     *,
     wave_size: int | None = None,
     specialised: bool = True,
-    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+    curves: Given = None,
     with_target: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
@@ -106,14 +108,14 @@ def set_up(
     GroomError, SceneError, ResourceError, KernelBuildError
     """
     timed = Timer()
-    light = scene.build_light()
+    lights = scene.build_lights()
     fibres = scene.build_fibres()
-    features = scene_features(scene, list(fibres.values()), light, with_target)
+    features = scene_features(scene, list(fibres.values()), lights, with_target)
 
     def take_grooms() -> Grooms:
         with timed("curves"):
             given = curves.result() if isinstance(curves, Future) else curves
-            return (scene.build_grooms() if given is None else Grooms.of(given)).traced()
+            return (scene.build_grooms() if given is None else _given(scene, given)).traced()
 
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
@@ -136,7 +138,7 @@ def set_up(
                 bound = _bind(scene, fibres, taken.result())
             fibres |= {name: _bound_fibre(fibres[name], packed) for name, packed in bound.items()}
             grey = all(packed.grey for packed in bound.values())
-            features = scene_features(scene, list(fibres.values()), light, with_target, grey)
+            features = scene_features(scene, list(fibres.values()), lights, with_target, grey)
         if not specialised:
             features = everything_on(features)
         with timed("tables"):
@@ -152,7 +154,7 @@ def set_up(
             memory, scene.film.width, scene.film.height, features, scene.render.spp
         )
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, materials, light, film, grown, size)
+            wavefront = _wavefront(memory, scene, features, materials, lights, film, grown, size)
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -176,9 +178,27 @@ def set_up(
         learning,
         size,
         built.n_segments,
-        light.n_negative,
+        lights.n_negative,
         timed.seconds,
     )
+
+
+def _given(scene: Scene, curves: Curves | Grooms) -> Grooms:
+    """The grooms of a scene, where the caller has them.
+
+    Raises
+    ------
+    GroomError      curves for a scene of several grooms
+    """
+    if isinstance(curves, Grooms):
+        return curves
+    names = list(scene.grooms())
+    if len(names) > 1:
+        raise GroomError(
+            f"curves are given, and scene {scene.name!r} has {len(names)} grooms, "
+            f"{', '.join(names)}; give what its build_grooms() returns, or leave curves out"
+        )
+    return Grooms([Groom(names[0], curves)])
 
 
 def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:
@@ -237,15 +257,15 @@ def _wavefront(
     scene: Scene,
     features: Features,
     materials: list[FibreMaterial],
-    light: Light,
+    lights: Lights,
     film: Film,
     curves: Curves,
     size: WaveSize,
 ) -> Wavefront:
     """Compile the kernels and allocate what they work on."""
-    buffer: cl.Buffer = index_checks.upload(
-        memory, "light", light.device_buffer(features.light_sampling), features.debug
-    )
+    middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
+    light = lights.device_buffer(features.light_sampling, middle)
+    buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
     return Wavefront(
         memory,
         features,

@@ -164,6 +164,7 @@ class Wavefront:
         self.fibres = [FibreStages(memory, m, i) for i, m in enumerate(materials)]
         self._surface = [] if features.surface is None else [surface]
         self.light = light
+        self._lamps = [light] if features.area_lamps else []
         self.camera = camera
         self.film = film
         n_slots = layout.whole_blocks(n_slots)
@@ -301,6 +302,7 @@ class Wavefront:
             *self.geometry,
             *self._starts,
             *self._surface,
+            *self._lamps,
         )
 
     def shade_escaped(self, wave: np.ndarray, active: int, depth: int) -> None:
@@ -400,6 +402,7 @@ class Wavefront:
                 self.n_slots,
                 *self.geometry,
                 *self._surface,
+                *self._lamps,
             )
 
     def swap(self) -> QueueLengths:

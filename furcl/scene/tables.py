@@ -26,9 +26,12 @@ from furcl.groom.joined import Groom as GroomCurves
 from furcl.groom.joined import Grooms
 from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
+from furcl.light.lights import Lights
 from furcl.light.model import Light
+from furcl.scene import lamps
 from furcl.scene.camera import Camera
 from furcl.scene.groom import Groom
+from furcl.scene.lamps import Lamp
 from furcl.surface import kinds as surfaces
 from furcl.surface.model import Surface
 from furcl.table import Table
@@ -86,6 +89,8 @@ class Render(Table, frozen=True, kw_only=True):
                             your own (docs/own_sampler.md)
     light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
                             light
+    lamp_choice : str       how light samples take one of many lamps: by the light that it may send
+                            to the "position", or by its "power" alone
     allocation : str        "even" gives every pixel the same number of samples, "adaptive" more to
                             those with larger errors
     sequence : str          random numbers of a pixel's samples: "independent", or "sobol", spread
@@ -117,6 +122,7 @@ class Render(Table, frozen=True, kw_only=True):
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
+    lamp_choice: Literal["position", "power"] = "position"
     allocation: Literal["even", "adaptive"] = "even"
     sequence: Sequence = "sobol"
     roulette: Literal["depth", "throughput", "adjoint"] = "adjoint"
@@ -175,11 +181,12 @@ class Kinds:
 KINDS = {
     "fibre": Kinds("model", models.tables, "double-cylinder"),
     "environment": Kinds("kind", lights.tables),
+    "lamp": Kinds("kind", lamps.tables),
     "curves": Kinds("generator", groom_kinds.tables, "file"),
     "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
 # Keys whose tables are named by the scene -> what each of them is by KINDS, if it has kinds.
-NAMED = {"groom": None, "material": "fibre"}
+NAMED = {"groom": None, "material": "fibre", "lamp": "lamp"}
 
 
 def kinds_at(keys: Keys) -> Kinds | None:
@@ -200,14 +207,15 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
-    groom, material : dict  name -> table
+    groom, material, lamp : dict    name -> table
     """
 
     name: str = ""
     camera: Camera = Camera()
     film: Film = Film()
     fibre: ModelTable | None = None
-    environment: Table
+    environment: Table | None = None
+    lamp: dict[str, Lamp] = msgspec.field(default_factory=dict)
     curves: CurvesTable | None = None
     groom: dict[str, Groom] = msgspec.field(default_factory=dict)
     material: dict[str, ModelTable] = msgspec.field(default_factory=dict)
@@ -215,9 +223,9 @@ class Scene(Table, frozen=True, kw_only=True):
     render: Render = Render()
 
     def __repr__(self) -> str:
-        tables = [table for name in KINDS if (table := getattr(self, name)) is not None]
-        kinds = [str(table.__struct_config__.tag) for table in tables]
-        kinds += [f"groom {name}" for name in self.groom]
+        ones = [getattr(self, name) for name in KINDS if name not in NAMED]
+        kinds = [str(table.__struct_config__.tag) for table in ones if table is not None]
+        kinds += [f"{key} {name}" for key in ("groom", "lamp") for name in getattr(self, key)]
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def __hash__(self) -> int:
@@ -277,13 +285,29 @@ class Scene(Table, frozen=True, kw_only=True):
         return next(iter(fibres.values()))
 
     def build_light(self) -> Light:
-        """The light around the scene; files are read here.
+        """The environment; files are read here.
 
         Raises
         ------
         ImageError      if the image of the light cannot be used
+        SceneError      if the scene has lamps alone
         """
+        if self.environment is None:
+            raise SceneError(
+                f"scene {self.name!r} has no [environment]; build_lights() gives its lamps"
+            )
         return lights.from_table(self.environment)
+
+    def build_lights(self) -> Lights:
+        """The environment and the lamps; files are read here.
+
+        Raises
+        ------
+        ImageError      if the image of the light cannot be used
+        LightError      if a lamp cannot be used
+        """
+        environment = None if self.environment is None else self.build_light()
+        return Lights(environment, lamps.build(self.lamp, self.render.lamp_choice == "position"))
 
     def build_grooms(self) -> Grooms:
         """Read or grow the grooms and put them in their places.

@@ -6,7 +6,7 @@
 #include "fibre/absorption.clh"
 #endif
 #if FURCL_LIGHT_SAMPLING
-#include <light>
+#include "light/lights.clh"
 #endif
 
 /* The point on the axis and the radius (w) where a path met a fibre. */
@@ -22,15 +22,19 @@ static inline float4 point_on_fibre(Paths paths, uint slot, __global const Store
    (docs/model.md, Light samples). */
 static inline void add_light_sample(
     Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
-    __global const float* light, float4 xi, float3 sampler_xi)
+    __global const float* light, float4 xi, float4 choice, float3 sampler_xi)
 {
-    const LightSample sample = light_sample(light, at.xyz, xi.xy);
+    const ChosenLight chosen = choose_light(light, at.xyz, xi.xy, choice);
+    const LightSample sample = chosen.sample;
     const float3 w = frame_angles(frame, sample.direction);
     bounce->light_direction = sample.direction;
     bounce->light_distance = sample.distance;
+#if FURCL_AREA_LAMPS
+    bounce->light_lamp = chosen.lamp;
+#endif
     const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi);
     bounce->light = sample.pdf > 0.0f
-        ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(towards.pdf))
+        ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
         : spectrum(0.0f);
 }
 #endif
@@ -115,7 +119,12 @@ __kernel void shade(
 #if FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI
             sampler_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_ROULETTE)).yzw;
 #endif
-            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), sampler_xi);
+            float4 choice = (float4)(0.0f);
+#if FURCL_LAMPS
+            choice = light_choice_numbers(wave.seed, pixel, sample, depth);
+#endif
+            add_light_sample(
+                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice, sampler_xi);
 #endif
             const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce
 #if FURCL_LEARNING
