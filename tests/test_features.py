@@ -13,7 +13,7 @@ from scene_documents import fur_patch
 from furcl.bench import features as bench
 from furcl.device import program
 from furcl.device.features import Features
-from furcl.device.layout import FILTERS, SEQUENCES
+from furcl.device.layout import ABSORPTIONS, FILTERS, SEQUENCES
 from furcl.device.source import kernel_text
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
@@ -47,6 +47,7 @@ VALUES = {
     "fibres": (1, 2),
     "channels": (1, 3),
     "light": (None, *(light.kind for light in lights.BUILT_IN)),
+    "absorption": ABSORPTIONS,
     "lamps": (
         None,
         LampsPart(KINDS),
@@ -256,6 +257,8 @@ ABSENT = [
     ({"point_radii": False}, "sample_lobe_h", ("typedef float4 StoredVertex",)),
     ({"surface": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
     ({"fibres": 1}, "intersect_closest", ("material_of_vertex(",)),
+    ({"absorption": "constant"}, "shade", ("take_absorption(", "mixed_node(", "absorptions")),
+    ({"absorption": "point"}, "shade", ("strand_of_vertex(", "popcount")),
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
@@ -277,7 +280,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
-        "fibres": 2,
+        "fibres": 2, "absorption": "strand",
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

@@ -2,6 +2,9 @@
 #include "core/continue_path.clh"
 #include "fibre/sampler.clh"
 #include "geometry/fibre_hits.clh"
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+#include "fibre/absorption.clh"
+#endif
 #if FURCL_LIGHT_SAMPLING
 #include "light/lights.clh"
 #endif
@@ -60,7 +63,8 @@ static inline Bounce scatter_at_fibre(
 
 /* Continues paths that met a fibre: next ray, light sample, Russian roulette.
 
-   reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, material, light
+   reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, material, light, absorption
+            (where strands or points have values)
    writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
    over     the hit queue of its material, of number `queue`, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
@@ -72,12 +76,18 @@ __kernel void shade(
 #if FURCL_LEARNING
     , __global const float* table, __global uint* records
 #endif
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+    , __global const uint* absorption, __global const uint* strands
+#endif
     )
 {
     const uint n_hits = counts[FURCL_COUNT_HITS + queue];
     const Paths paths = {state, wave.n_slots};
     __global const uint* hit_queue = hit_queues + (size_t)queue * wave.n_slots;
-    const Fibre fibre = fibre_of(material);
+    Fibre fibre = fibre_of(material);
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+    const Absorption values = absorption_of(absorption, strands);
+#endif
 #if FURCL_LEARNING
     const Learned learned = learned_of(table, records, &wave);
 #endif
@@ -104,6 +114,9 @@ __kernel void shade(
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+            take_absorption(&fibre, values, paths, slot);
+#endif
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
             const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
             const float4 at = point_on_fibre(paths, slot, vertices);
