@@ -44,6 +44,7 @@ FIBRE_VALUES = {
 VALUES = {
     **FIBRE_VALUES,
     "sampler": samplers.BUILT_IN,
+    "fibres": (1, 2),
     "channels": (1, 3),
     "light": (None, *(light.kind for light in lights.BUILT_IN)),
     "lamps": (
@@ -254,6 +255,7 @@ ABSENT = [
     ({"light_sampling": False}, "shade", ("light_sample(", "light_density(")),
     ({"point_radii": False}, "sample_lobe_h", ("typedef float4 StoredVertex",)),
     ({"surface": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
+    ({"fibres": 1}, "intersect_closest", ("material_of_vertex(",)),
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
@@ -275,6 +277,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
+        "fibres": 2,
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

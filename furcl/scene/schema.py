@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 import msgspec
@@ -99,6 +100,11 @@ def files_in(document: object, where: Keys = ()) -> Iterator[tuple[Keys, dict[st
         if isinstance(value, str) and (key == "file" or key.endswith("_file")):
             yield (*where, key), document
         yield from files_in(value, (*where, key))
+
+
+def files_of(scene: Scene) -> list[Path]:
+    """The files that a scene names."""
+    return [Path(table[keys[-1]]) for keys, table in files_in(msgspec.to_builtins(scene))]
 
 
 def _parts(hint: Any) -> list[Any]:

@@ -22,6 +22,8 @@ from furcl.fibre import samplers
 from furcl.fibre.model import ModelTable
 from furcl.groom import kinds as groom_kinds
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Groom as GroomCurves
+from furcl.groom.joined import Grooms
 from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
 from furcl.light.lights import Lights
@@ -241,17 +243,46 @@ class Scene(Table, frozen=True, kw_only=True):
         found = self.fibre if groom.material is None else self.material[groom.material]
         return msgspec.structs.replace(groom, material=None, fibre=groom.fibre or found)
 
-    def build_fibre(self) -> Any:
-        """The parameters of the fibre, of its model's own class.
+    def materials(self) -> dict[str, ModelTable]:
+        """The fibre materials that grooms are of, by name: [material.NAME], [groom.NAME.fibre]
+        by the groom's name, and [fibre] as "fibre"."""
+        found = {}
+        for name, groom in self.grooms().items():
+            assert groom.fibre is not None  # by the check of every scene that is read
+            found[self.material_name(name)] = groom.fibre
+        return found
+
+    def material_name(self, groom: str) -> str:
+        """The name in `materials` of what a groom of that name is of."""
+        table = self.groom.get(groom)
+        if table is None or (table.material is None and table.fibre is None):
+            return "fibre"
+        return table.material or f"groom {groom}"
+
+    def build_fibres(self) -> dict[str, Any]:
+        """Name of each fibre material -> its parameters, of its model's own class.
 
         Raises
         ------
         FibreError      a value outside its range
-        SceneError      several grooms
         """
-        fibre = self._only_groom().fibre
-        assert fibre is not None  # by the check of every scene that is read
-        return fibre.build()
+        return {name: table.build() for name, table in self.materials().items()}
+
+    def build_fibre(self) -> Any:
+        """The parameters of the only fibre.
+
+        Raises
+        ------
+        FibreError      a value outside its range
+        SceneError      several fibre materials
+        """
+        fibres = self.build_fibres()
+        if len(fibres) > 1:
+            raise SceneError(
+                f"scene {self.name!r}: {len(fibres)} materials, {', '.join(fibres)}; one is taken "
+                f"here"
+            )
+        return next(iter(fibres.values()))
 
     def build_light(self) -> Light:
         """The environment; files are read here.
@@ -278,23 +309,25 @@ class Scene(Table, frozen=True, kw_only=True):
         environment = None if self.environment is None else self.build_light()
         return Lights(environment, lamps.build(self.lamp, self.render.lamp_choice == "position"))
 
-    def build_curves(self) -> Curves:
-        """Read or grow the groom.
+    def build_grooms(self) -> Grooms:
+        """Read or grow the grooms and put them in their places.
 
         Raises
         ------
-        GroomError      if the file cannot be used, or the generator refuses its parameters
-        SceneError      several grooms
+        GroomError      if a file cannot be used, or a generator refuses its parameters
+        SceneError      a transform that radii cannot follow
         """
-        return self._only_groom().curves.build()
+        numbers = {name: number for number, name in enumerate(self.materials())}
+        return Grooms(
+            [
+                GroomCurves(name, table.build(name), numbers[self.material_name(name)])
+                for name, table in self.grooms().items()
+            ]
+        )
 
-    def _only_groom(self) -> Groom:
-        grooms = self.grooms()
-        if len(grooms) > 1:
-            raise SceneError(
-                f"scene {self.name!r}: {len(grooms)} grooms, {', '.join(grooms)}; one is taken here"
-            )
-        return next(iter(grooms.values()))
+    def build_curves(self) -> Curves:
+        """The strands of all grooms, see `build_grooms`."""
+        return self.build_grooms().curves
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""
