@@ -43,7 +43,7 @@ class Part(Protocol):
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
-    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface> and
+    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface>, <meshes> and
     <learning>; None where a kernel has nothing to do with them, or the scene has none.
 
     Attributes
@@ -53,6 +53,7 @@ class Features:
     light : Part or None        the environment, see furcl.light.model
     lamps : Part or None        see furcl.light.lamps
     surface : Part or None      a surface beside the strands, see furcl.surface
+    meshes : Part or None       meshes of triangles, see furcl.surface.mesh
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
     fibres : int                fibre materials of the scene, each with kernels of its own
     channels : int              3 for RGB, 1 where fibres, surface and light are grey
@@ -74,6 +75,7 @@ class Features:
     light: Part | None = None
     lamps: Part | None = None
     surface: Part | None = None
+    meshes: Part | None = None
     learning: Part | None = None
     fibres: int = 1
     channels: int = 3
@@ -96,9 +98,14 @@ class Features:
         return {name: part for name, part in found.items() if part is not None}
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether there is more to hit than fibres and lamps."""
+        return self.surface is not None or self.meshes is not None
+
+    @property
     def hit_queues(self) -> int:
-        """Queues of hits: one for each fibre material, the last for the surface if there is one."""
-        return self.fibres + (self.surface is not None)
+        """Queues of hits: one for each fibre material, the last for surfaces if there are some."""
+        return self.fibres + self.has_surfaces
 
     @property
     def light_at_infinity(self) -> bool:
@@ -127,11 +134,12 @@ class Features:
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)
+        values["FURCL_MESHES"] = int(self.meshes is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)
         values["FURCL_ENVIRONMENT"] = int(self.light is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
         values["FURCL_SHADOW_DISTANCES"] = int(self.shadow_distances)
-        values |= NO_SAMPLER | NO_LAMPS
+        values |= NO_SAMPLER | NO_LAMPS | NO_MESHES
         for part in self.parts.values():
             values |= part.defines()
         return values
@@ -164,12 +172,16 @@ NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0}
 # What the part of lamps defines, for scenes without any.
 NO_LAMPS = {"FURCL_LAMPS": 0, "FURCL_AREA_LAMPS": 0, "FURCL_LAMP_DISTANT": 0}
 
-PARTS = ("fibre", "sampler", "light", "lamps", "surface", "learning")
+# What the part of meshes defines, for kernels without them.
+NO_MESHES = {"FURCL_MESH_NORMALS": 0, "FURCL_MESH_TEXTURES": 0, "FURCL_MESH_EMISSION": 0}
+
+PARTS = ("fibre", "sampler", "light", "lamps", "surface", "meshes", "learning")
 PLAIN_NAMES = {
     "fibre": "model",
     "sampler": "sampling",
     "light": "environment",
     "lamps": "lamps",
     "surface": "body",
+    "meshes": "meshes",
     "learning": "learning",
 }

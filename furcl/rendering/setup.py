@@ -14,6 +14,7 @@ import pyopencl as cl
 
 from furcl.bvh import embree
 from furcl.bvh.build import Bvh, build_bvh
+from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
@@ -30,6 +31,7 @@ from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ def set_up(
     timed = Timer()
     lights = scene.build_lights()
     fibres = scene.build_fibres()
-    features = scene_features(scene, list(fibres.values()), lights, with_target)
+    meshes = scene.build_meshes()
+    features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
     if not specialised:
         features = everything_on(features)
 
@@ -118,15 +121,19 @@ def set_up(
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
 
-    def build_tree(grooms: Future[Grooms]) -> Bvh:
+    def build_trees(grooms: Future[Grooms]) -> tuple[Bvh, TriangleBvh | None]:
         grown = grooms.result().curves
+        radii = point_radii(grown)
         with timed("bvh"):
-            return build_bvh(memory, grown, point_radii(grown), debug=features.debug)
+            tree = build_bvh(memory, grown, radii, debug=features.debug)
+            if meshes is None:
+                return tree, None
+            return tree, build_triangle_bvh(memory, meshes.corners(), radii, debug=features.debug)
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
         taken = beside.submit(take_grooms)
-        tree = beside.submit(build_tree, taken)
+        trees = beside.submit(build_trees, taken)
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
@@ -143,7 +150,9 @@ def set_up(
             memory, scene.film.width, scene.film.height, features, scene.render.spp
         )
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, materials, lights, film, grown, size)
+            wavefront = _wavefront(
+                memory, scene, features, materials, meshes, lights, film, grown, size
+            )
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -155,8 +164,8 @@ def set_up(
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
                 )
-        built = tree.result()
-        wavefront.place(built.arguments(), grooms.material_starts(len(materials)))
+        built, mesh_tree = trees.result()
+        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), mesh_tree)
     return Setup(
         memory,
         features,
@@ -209,6 +218,7 @@ def _wavefront(
     scene: Scene,
     features: Features,
     materials: list[FibreMaterial],
+    meshes: Meshes | None,
     lights: Lights,
     film: Film,
     curves: Curves,
@@ -218,22 +228,26 @@ def _wavefront(
     middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
     light = lights.device_buffer(features.light_sampling, middle)
     buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
+    shading = None
+    if meshes and isinstance(features.meshes, MeshPart):
+        shading = memory.upload("mesh shading", meshes.shading(features.meshes))
     return Wavefront(
         memory,
         features,
         [material.with_features(features) for material in materials],
         None if features.surface is None else (scene.body or ABSENT).params(),
+        shading,
         buffer,
-        camera_struct(scene, curves),
+        camera_struct(scene, curves, meshes),
         film,
         curves.n_points,
         size.paths,
     )
 
 
-def camera_struct(scene: Scene, curves: Curves) -> np.ndarray:
-    """The struct Camera of a scene; frames the groom where the scene leaves that open."""
-    camera = scene.resolved_camera(curves)
+def camera_struct(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> np.ndarray:
+    """The struct Camera of a scene; frames what is seen where the scene leaves that open."""
+    camera = scene.resolved_camera(curves, meshes)
     origin, right, up, forward = camera.frame()
     height = math.tan(0.5 * math.radians(camera.vfov_deg))
     out = np.zeros((), layout.struct_dtype("Camera"))

@@ -32,7 +32,9 @@ from furcl.scene import lamps
 from furcl.scene.camera import Camera
 from furcl.scene.groom import Groom
 from furcl.scene.lamps import Lamp
+from furcl.scene.mesh import MeshTable
 from furcl.surface import kinds as surfaces
+from furcl.surface.mesh.mesh import Meshes
 from furcl.surface.model import Surface
 from furcl.table import Table
 
@@ -186,7 +188,7 @@ KINDS = {
     "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
 # Keys whose tables are named by the scene -> what each of them is by KINDS, if it has kinds.
-NAMED = {"groom": None, "material": "fibre", "lamp": "lamp"}
+NAMED = {"groom": None, "material": "fibre", "lamp": "lamp", "mesh": None}
 
 
 def kinds_at(keys: Keys) -> Kinds | None:
@@ -207,7 +209,7 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
-    groom, material, lamp : dict    name -> table
+    groom, material, lamp, mesh : dict      name -> table
     """
 
     name: str = ""
@@ -220,12 +222,14 @@ class Scene(Table, frozen=True, kw_only=True):
     groom: dict[str, Groom] = msgspec.field(default_factory=dict)
     material: dict[str, ModelTable] = msgspec.field(default_factory=dict)
     body: Surface | None = None
+    mesh: dict[str, MeshTable] = msgspec.field(default_factory=dict)
     render: Render = Render()
 
     def __repr__(self) -> str:
         ones = [getattr(self, name) for name in KINDS if name not in NAMED]
         kinds = [str(table.__struct_config__.tag) for table in ones if table is not None]
-        kinds += [f"{key} {name}" for key in ("groom", "lamp") for name in getattr(self, key)]
+        several = ("groom", "lamp", "mesh")
+        kinds += [f"{key} {name}" for key in several for name in getattr(self, key)]
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def __hash__(self) -> int:
@@ -329,10 +333,24 @@ class Scene(Table, frozen=True, kw_only=True):
         """The strands of all grooms, see `build_grooms`."""
         return self.build_grooms().curves
 
-    def resolved_camera(self, curves: Curves) -> Camera:
-        """The camera with all places filled in; if it frames, it frames groom and body."""
+    def build_meshes(self) -> Meshes | None:
+        """The meshes with their textures, read from their files; None where there are none.
+
+        Raises
+        ------
+        MeshError, ImageError       if a file cannot be used
+        """
+        if not self.mesh:
+            return None
+        return Meshes([table.build(f"mesh.{name}") for name, table in self.mesh.items()])
+
+    def resolved_camera(self, curves: Curves, meshes: Meshes | None = None) -> Camera:
+        """The camera with all places filled in; if it frames, it frames groom, body and meshes."""
         points, radius = curves.points, float(curves.radii.max())
-        if self.body is not None and self.camera.origin is None:
-            points = self.camera.outermost(points, self.film.aspect)
-            points = np.concatenate([points, self.body.points()])
+        if self.camera.origin is None:
+            others = [self.body.points()] if self.body is not None else []
+            others += [meshes.points()] if meshes is not None else []
+            if others:
+                found = [self.camera.outermost(p, self.film.aspect) for p in (points, *others)]
+                points = np.concatenate(found)
         return self.camera.resolved(points, self.film.aspect, radius)
