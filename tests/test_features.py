@@ -48,6 +48,8 @@ VALUES = {
     "point_radii": (False, True),
     "surface": (None, PART),
     "lens": (False, True),
+    "orthographic": (False, True),
+    "crop": (False, True),
     "filter": FILTERS,
     "sequence": SEQUENCES,
     "roulette": (False, True),
@@ -242,6 +244,8 @@ ABSENT = [
     ({"point_radii": False}, "sample_lobe_h", ("typedef float4 StoredVertex",)),
     ({"surface": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
     ({"lens": False}, "generate", ("sin_turn",)),
+    ({"crop": False}, "generate", ("p.x += wave->crop_left",)),
+    ({"orthographic": False}, "generate", ("ray.origin += beside",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
     ({"variance": False, "planned": False}, "add_to_film", ("mean_before",)),
@@ -261,7 +265,8 @@ ABSENT = [
 def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
-        "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
+        "crop": True, "orthographic": True, "sequence": "sobol", "planned": True, "shadow_roulette": True,
+        "learning": LearningPart(),
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

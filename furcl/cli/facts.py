@@ -13,7 +13,7 @@ from furcl.cli import warnings
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
-from furcl.scene.tables import Scene
+from furcl.scene.tables import Film, Scene
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.device.choice import Device
@@ -44,7 +44,7 @@ def of_scene(scene: Scene) -> dict[str, str]:
     fibre, curves = scene.build_fibre(), scene.build_curves()
     return {
         "scene": scene.name,
-        "film": f"{film.width} x {film.height}, {film.filter} filter",
+        "film": f"{film.width} x {film.height}, {film.filter} filter{_crop(film)}",
         "fibre": f"{fibre.model}: {_parameters(fibre)}",
         "fibre's source": getattr(fibre, "provenance", "given by the user"),
         "environment": _environment(scene),
@@ -52,6 +52,11 @@ def of_scene(scene: Scene) -> dict[str, str]:
         **_of_curves(curves),
         **{f"warning {n}": said for n, said in enumerate(warnings.of_scene(scene, curves), 1)},
     }
+
+
+def _crop(film: Film) -> str:
+    left, top, right, bottom = film.window.box
+    return "" if film.window.whole else f", cropped to {left}, {top} to {right}, {bottom}"
 
 
 def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str]:

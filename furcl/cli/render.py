@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from furcl.cli.console import progress_report
+from furcl.cli.frames import check_frames, render_all
 from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
     SAMPLER_FILE,
@@ -21,6 +22,9 @@ from furcl.cli.options import (
     SceneName,
     WaveSize,
 )
+
+if TYPE_CHECKING:
+    from furcl.image.image import Image
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +56,14 @@ def render(
     ] = None,
     stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
     wave_size: WaveSize = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(help="FIRST:END, a turntable's frames; -o then names files as turn.####.exr."),
+    ] = None,
+    orbit: Annotated[
+        float | None,
+        typer.Option(help="Degrees by which the camera goes around the groom in all frames."),
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
@@ -59,6 +71,7 @@ def render(
     from furcl.scene.read import load_scene
 
     _check_outputs(output, stats)
+    check_frames(frames, orbit, output, stats)
     if sampler:
         if sampling:
             raise typer.BadParameter("--sampler and --sampling name two samplers; keep one")
@@ -72,6 +85,11 @@ def render(
         sampling=sampling,
         max_depth=max_depth,
     )
+    if frames is not None:
+        limits = {"target_rmse": target_rmse, "target_relmse": target_relmse}
+        options = {"spp": spp, "device": device, "wave_size": wave_size, "time_limit": time_limit}
+        render_all(loaded, frames, orbit or 0.0, output, stats, **options, **limits)
+        return
     with interruptible() as interrupt:
         with progress_report() as report:
 
@@ -95,21 +113,26 @@ def render(
                     target_relmse=target_relmse,
                     wave_size=wave_size,
                 )
-        written = [output, output.with_suffix(".png")]
-        for path in dict.fromkeys(written):
-            image.save(path)
-        if stats:
-            _write_json(image.stats, stats)
-    log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
-    empty = image.stats.get("pixels_without_samples", 0)
-    if empty:
-        log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
-    _tell_what_was_reached(image.stats, loaded.render.spp)
+        write(image, output, stats)
+    tell_what_was_reached(image.stats, loaded.render.spp)
     if interrupt.requested:
         raise interrupt.exit()
 
 
-def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
+def write(image: Image, output: Path, stats: Path | None) -> None:
+    """Write picture, preview and statistics."""
+    written = dict.fromkeys([output, output.with_suffix(".png")])
+    for path in written:
+        image.save(path)
+    if stats:
+        _write_json(image.stats, stats)
+    log.info("wrote %s", ", ".join(str(path) for path in written))
+    empty = image.stats.get("pixels_without_samples", 0)
+    if empty:
+        log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
+
+
+def tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
     """Warn of a render that was stopped; log the error that it reached."""
     done = stats.get("spp", spp)
     [(name, target)] = (stats.get("target") or {"rmse": None}).items()

@@ -57,6 +57,8 @@ class Features:
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
+    orthographic : bool         camera whose rays are parallel
+    crop : bool                 the film holds a window of the picture
     filter : str                one of layout.FILTERS
     sequence : str              of random numbers, one of layout.SEQUENCES
     roulette : bool             Russian roulette within the depth limit
@@ -76,6 +78,8 @@ class Features:
     light_sampling: bool = False
     point_radii: bool = True
     lens: bool = False
+    orthographic: bool = False
+    crop: bool = False
     filter: str = "gaussian"
     sequence: str = "independent"
     roulette: bool = True

@@ -171,6 +171,10 @@ STRUCTS: dict[str, Fields] = {
         ("roulette_threshold", "float"),  # ... this may end
         ("shadow_threshold", "float"),  # light samples that bring less may be left out
         ("recording", "uint"),  # whether what is learned from is noted
+        ("picture_width", "uint"),  # of the whole picture, of which ...
+        ("picture_height", "uint"),
+        ("crop_left", "uint"),  # ... the film holds a window that begins here
+        ("crop_top", "uint"),
         ("unused", "uint"),
     ),
 }

@@ -6,7 +6,7 @@ import io
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from furcl.errors import ImageError
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
 from furcl.image.exr import read_exr, rgb_of, to_rec709_of, write_exr
+from furcl.image.size import Window
+from furcl.values import shown
 
 SUFFIXES = (".exr", ".png")
 # Statistics that get a header attribute of their own; all of them are in the attribute
@@ -42,6 +44,8 @@ class Image:
                                     there are any, where some pixels have none
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
+    window : Window or None         what part of a larger picture this is; EXR files have it as
+                                    their data window
     """
 
     rgb: NDArray[np.float32]
@@ -49,6 +53,7 @@ class Image:
     stats: dict[str, Any] = field(default_factory=dict)
     exposure_stops: float = 0.0
     samples: NDArray[np.uint32] | None = None
+    window: Window | None = None
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
@@ -63,6 +68,9 @@ class Image:
                 f"samples has the shape {self.samples.shape}; expected {self.rgb.shape[:2]}, one "
                 f"number a pixel"
             )
+        size = (self.width, self.height)
+        if self.window is not None and (self.window.width, self.window.height) != size:
+            raise ImageError(f"{self.window} is not of the size of rgb, {size[0]} x {size[1]}")
 
     def __repr__(self) -> str:
         facts = [f"{self.width} x {self.height}"]
@@ -122,7 +130,40 @@ class Image:
                 f"save the picture again"
             ) from None
         samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
-        return cls(rgb_of(channels, header, path), variance, stats, samples=samples)
+        loaded = cls(rgb_of(channels, header, path), variance, stats, samples=samples)
+        if not isinstance(stats, dict) or "crop" not in stats:
+            return loaded
+        try:
+            return loaded.cropped(*stats["crop"])
+        except TypeError:
+            raise ImageError(
+                f"{path}: the header attribute {STATS_ATTRIBUTE} names no window by its crop = "
+                f"{shown(stats['crop'])}; the file was edited, save the picture again"
+            ) from None
+
+    def cropped(self, left: int, top: int, right: int, bottom: int) -> Image:
+        """A window of a whole picture, given as `film.crop` of a scene.
+
+        Raises
+        ------
+        ImageError      the window is not within the picture
+        """
+        if not (0 <= left < right <= self.width and 0 <= top < bottom <= self.height):
+            raise ImageError(
+                f"the window {left}, {top} to {right}, {bottom} is not within the picture of "
+                f"{self.width} x {self.height}"
+            )
+
+        def part(values: Any) -> Any:
+            return None if values is None else values[top:bottom, left:right]
+
+        return replace(
+            self,
+            rgb=part(self.rgb),
+            variance=part(self.variance),
+            samples=part(self.samples),
+            window=Window(left, top, right - left, bottom - top, self.width, self.height),
+        )
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
@@ -150,7 +191,7 @@ class Image:
                 if path.suffix.lower() == ".png":
                     temporary.write_bytes(self.png_bytes())
                 else:
-                    write_exr(temporary, self._channels(), _header(self.stats))
+                    write_exr(temporary, self._channels(), _header(self.stats), self.window)
         except OSError as error:
             raise ImageError(f"{path}: cannot be written: {error.strerror}") from None
 

@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import logging
 import os
-import resource
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
 
+import msgspec
 import numpy as np
 
-from furcl.bvh.build import BUFFERS
 from furcl.device import layout
 from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
+from furcl.errors import SceneError
 from furcl.groom.curves import Curves
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
+from furcl.image.size import Window
 from furcl.rendering.arguments import check_curves, check_stops
 from furcl.rendering.plan import SamplePlan
-from furcl.rendering.setup import Setup, set_up
-from furcl.rendering.specialise import left_out, summary
+from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
+from furcl.rendering.specialise import summary
+from furcl.rendering.statistics import statistics
 from furcl.rendering.target import Target
-from furcl.rendering.wavefront import QueueLengths, Wavefront
+from furcl.rendering.wavefront import QueueLengths
+from furcl.scene.camera import Camera
 from furcl.scene.read import with_overrides
 from furcl.scene.tables import MOST_SPP, Scene
-from furcl.version import software
 
 log = logging.getLogger(__name__)
 
@@ -105,9 +107,14 @@ class Renderer:
             learning = self.setup.learning
             stops = [n // self.n_pixels for n in learning.ends] if learning else []
             self.plan = SamplePlan(self.memory, self.film, even, target, stops)
-        self._wave = _wave_of(scene, self.wavefront)
+        self._wave = wave_struct(scene, self.wavefront)
         self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
         self._forget_counts()
+
+    @property
+    def window(self) -> Window:
+        """What the film holds of the picture."""
+        return self.scene.film.window
 
     @property
     def n_pixels(self) -> int:
@@ -129,6 +136,28 @@ class Renderer:
         if self.setup.learning:
             self.setup.learning.forget()
         self.seconds.pop("render", None)
+
+    def look(self, camera: Camera) -> None:
+        """Forget all samples; the next ones are seen by another camera.
+
+        Parameters
+        ----------
+        camera : Camera     resolved, of the scene's projection; without a lens if it has none
+
+        Raises
+        ------
+        SceneError          a camera for which the kernels are not built
+        """
+        another_lens = camera.aperture_radius > 0.0 and not self.features.lens
+        if another_lens or camera.orthographic != self.features.orthographic:
+            raise SceneError(
+                f"scene {self.scene.name!r}: its kernels are built for another "
+                f"{'lens' if another_lens else 'projection'} than the camera's; make another "
+                f"Renderer"
+            )
+        self.scene = msgspec.structs.replace(self.scene, camera=camera)
+        self.wavefront.camera = camera_struct(camera, self.scene.film)
+        self.restart(self.scene.render.seed)
 
     def _forget_counts(self) -> None:
         self.paths_done = self.rays = self.shadow_rays = 0
@@ -264,59 +293,12 @@ class Renderer:
             stats=stats,
             exposure_stops=self.scene.film.exposure_stops,
             samples=samples,
+            window=None if self.window.whole else self.window,
         )
 
     def stats(self) -> dict:
         """What `--stats` writes; times in seconds, sizes in bytes."""
-        render = self.seconds.get("render", 0.0)
-        return {
-            **software(),
-            "scene": self.scene.name,
-            "environment_pixels_clamped": self.setup.n_negative,
-            "device": self.device.name,
-            "platform": self.device.platform,
-            "driver": self.device.driver_version,
-            "seed": self.scene.render.seed,
-            "spp": self.samples_done,
-            "sampling": self.scene.render.sampling,
-            "sequence": self.features.sequence,
-            "allocation": self.scene.render.allocation,
-            "steps": self.plan.steps if self.plan else 1,
-            "width": self.film.width,
-            "height": self.film.height,
-            "segments": self.setup.n_segments,
-            "features": {
-                "compiled": self.material.features.as_dict(),
-                "left_out": left_out(self.material),
-            },
-            "seconds": dict(self.seconds),
-            "paths": self.paths_done,
-            "rays": self.rays,
-            "mrays_s": self.rays / render / 1e6 if render else 0.0,
-            "path_length": (self.rays - self.shadow_rays) / max(self.paths_done, 1),
-            "hits_per_path": int(self.lobe_counts.sum()) / max(self.paths_done, 1),
-            "lobes": dict(zip(self.material.lobes, self.lobe_counts.tolist(), strict=True)),
-            "nonfinite": self.film.read_nonfinite(self.memory),
-            "bytes": {
-                "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-                "device_peak": self.memory.peak_bytes,
-                "bvh": sum(self.memory.bytes[name] for name in BUFFERS),
-                "tables": self.memory.bytes["material"],
-            },
-            "wave_size": self.wave_size.paths,
-            "wave_size_from": self.wave_size.origin,
-        }
-
-
-def _wave_of(scene: Scene, wavefront: Wavefront) -> np.ndarray:
-    """The struct Wave with what all waves of a scene have alike."""
-    wave = np.zeros((), layout.struct_dtype("Wave"))
-    wave["width"], wave["height"] = scene.film.width, scene.film.height
-    wave["n_slots"] = wavefront.n_slots
-    wave["roulette_depth"] = scene.render.first_roulette
-    wave["roulette_threshold"] = scene.render.survival_threshold
-    wave["shadow_threshold"] = scene.render.shadow_threshold
-    return wave
+        return statistics(self)
 
 
 def render(
@@ -376,8 +358,15 @@ def render(
         "%s",
         summary(renderer.material, renderer.memory.total_bytes, renderer.seconds["compile"]),
     )
-    complete = renderer.advance(scene.render.spp, progress, time_limit)
+    return finished(renderer, progress, time_limit)
+
+
+def finished(
+    renderer: Renderer, progress: Progress | None = None, time_limit: float | None = None
+) -> Image:
+    """The picture with all samples of its scene, or those that there are when it is stopped."""
+    complete = renderer.advance(renderer.scene.render.spp, progress, time_limit)
     image = renderer.image()
     image.stats["complete"] = complete
-    image.stats["target"] = target.as_dict() if target else None
+    image.stats["target"] = renderer.target.as_dict() if renderer.target else None
     return image

@@ -53,6 +53,8 @@ def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = F
         channels=1 if grey else 3,
         light_sampling=light_sampling,
         lens=scene.camera.aperture_radius > 0.0,
+        orthographic=scene.camera.orthographic,
+        crop=scene.film.crop is not None,
         filter=scene.film.filter,
         sequence=render.sequence,
         roulette=render.first_roulette < render.max_depth,
@@ -68,7 +70,7 @@ def everything_on(features: Features) -> Features:
     """The same expected picture from kernels with all the code that some scene could need.
 
     What chooses another picture or the subject of a comparison stays as it is: fibre model, light,
-    pixel filter. The light is sampled always.
+    projection, pixel filter. The light is sampled always.
     """
     return features.with_(
         channels=3,
@@ -76,6 +78,7 @@ def everything_on(features: Features) -> Features:
         point_radii=True,
         surface=features.surface or ABSENT.part,
         lens=True,
+        crop=True,
         roulette=True,
         shadow_roulette=True,
         variance=True,
@@ -94,6 +97,8 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
         "light_sampling": (features.light_sampling, "the environment is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
+        "orthographic": (features.orthographic, "the camera has a perspective"),
+        "crop": (features.crop, "the film holds the whole picture"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "sobol": (features.sequence == "sobol", "samples of a pixel are independent"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),

@@ -13,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from furcl.device.layout import Filter, Sequence
 from furcl.fibre import model as models
@@ -21,6 +22,7 @@ from furcl.fibre.model import ModelTable
 from furcl.groom import kinds as groom_kinds
 from furcl.groom.curves import Curves
 from furcl.groom.tables import CurvesTable
+from furcl.image.size import Window
 from furcl.light import kinds as lights
 from furcl.light.model import Light
 from furcl.scene.camera import Camera
@@ -31,6 +33,9 @@ from furcl.table import Table
 FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
 MOST_SPP = 1 << 20
+
+
+Pixel = Annotated[int, Meta(ge=0, le=16384)]
 
 
 class Film(Table, frozen=True, kw_only=True):
@@ -45,6 +50,9 @@ class Film(Table, frozen=True, kw_only=True):
     filter_radius_px : float    half width of the filter; box 0.5, tent 1, gaussian 1.5 if left out
                                 [pixels]
     exposure_stops : float      brightness of PNG files [stops]
+    crop : 4 whole numbers      left, top, right, bottom of the window that is rendered, counted
+                                from the top left; right and bottom are the first that are not
+                                [pixels]
     """
 
     width: Annotated[int, Meta(ge=1, le=16384)] = 512
@@ -52,6 +60,24 @@ class Film(Table, frozen=True, kw_only=True):
     filter: Filter = "gaussian"
     filter_radius_px: Annotated[float, Meta(ge=0.5, le=4.0)] | None = None
     exposure_stops: Annotated[float, Meta(ge=-30.0, le=30.0)] = 0.0
+    crop: tuple[Pixel, Pixel, Pixel, Pixel] | None = None
+
+    def __post_init__(self) -> None:
+        if self.crop is None:
+            return
+        left, top, right, bottom = self.crop
+        if not (left < right <= self.width and top < bottom <= self.height):
+            raise ValueError(
+                f"crop = {list(self.crop)} holds no pixels of a picture of {self.width} x "
+                f"{self.height}; give left < right <= {self.width} and top < bottom <= "
+                f"{self.height}"
+            )
+
+    @property
+    def window(self) -> Window:
+        """What is rendered of the picture."""
+        left, top, right, bottom = self.crop or (0, 0, self.width, self.height)
+        return Window(left, top, right - left, bottom - top, self.width, self.height)
 
     @property
     def support_px(self) -> float:
@@ -225,6 +251,12 @@ class Scene(Table, frozen=True, kw_only=True):
         """The camera with all places filled in; if it frames, it frames groom and body."""
         points, radius = curves.points, float(curves.radii.max())
         if self.body is not None and self.camera.origin is None:
-            points = self.camera.outermost(points, self.film.aspect)
-            points = np.concatenate([points, self.body.points()])
+            points, radius = self.points_to_frame(curves)
         return self.camera.resolved(points, self.film.aspect, radius)
+
+    def points_to_frame(self, curves: Curves) -> tuple[NDArray[np.float32], float]:
+        """Points (n, 3) of groom and body, and the radius of a sphere around each, to be framed."""
+        points, radius = curves.points, float(curves.radii.max())
+        if self.body is None:
+            return points, radius
+        return np.concatenate([points, self.body.points().astype(np.float32)]), radius

@@ -82,7 +82,7 @@ __kernel void add_to_film(
     const uint end = wave.n_paths, step = n_pixels;
     const PixelSample p = pixel_of_slot(paths, &wave, first);
 #endif
-    const uint pixel = FURCL_INDEX(paths_record(paths), p.index, n_pixels);
+    const uint pixel = FURCL_INDEX(paths_record(paths), film_pixel(&wave, p), n_pixels);
     Spectrum sum = spectrum_load(film_place(film, paths, pixel, 0u));
     Spectrum sum_correction = spectrum_load(film_place(film, paths, pixel, 1u));
 #if FURCL_VARIANCE
