@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 
+import msgspec
 import numpy as np
 import pytest
 from fibres import FIBRES
@@ -148,7 +149,7 @@ def test_compile_matrix(device, row):
 
 def _scene(name):
     scene = load_scene(scene_folder() / f"{name}.toml", size="2x2", spp=4)
-    if scene.curves.__struct_config__.tag in ("hair", "fur"):
+    if msgspec.to_builtins(scene.curves)["generator"] in ("hair", "fur"):
         return with_overrides(scene, ["curves.n_strands=300", "curves.radius=0.01"])
     return scene
 

@@ -11,11 +11,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
 from furcl.device.layout import Filter, Sequence
+from furcl.errors import SceneError
 from furcl.fibre import model as models
 from furcl.fibre import samplers
 from furcl.fibre.model import ModelTable
@@ -26,9 +28,13 @@ from furcl.image.size import Window
 from furcl.light import kinds as lights
 from furcl.light.model import Light
 from furcl.scene.camera import Camera
+from furcl.scene.groom import Groom
 from furcl.surface import kinds as surfaces
 from furcl.surface.model import Surface
 from furcl.table import Table
+
+Keys = tuple[str, ...]
+"""What leads to a value of a scene document, from the outermost table in."""
 
 FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
@@ -189,12 +195,26 @@ class Kinds:
         return self.tables().get(name) if isinstance(name, str) else None
 
 
+# By the last of the keys that lead to such a table.
 KINDS = {
     "fibre": Kinds("model", models.tables, "double-cylinder"),
     "environment": Kinds("kind", lights.tables),
     "curves": Kinds("generator", groom_kinds.tables, "file"),
     "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
+# Keys whose tables are named by the scene -> what each of them is by KINDS, if it has kinds.
+NAMED = {"groom": None, "material": "fibre"}
+
+
+def kinds_at(keys: Keys) -> Kinds | None:
+    """What the table that keys lead to may be; None if it has no kinds."""
+    if len(keys) == 1 and keys[0] not in NAMED:
+        return KINDS.get(keys[0])
+    if len(keys) == 2 and NAMED.get(keys[0]):
+        return KINDS[str(NAMED[keys[0]])]
+    if len(keys) == 3 and keys[0] in NAMED:
+        return KINDS.get(keys[2])
+    return None
 
 
 class Scene(Table, frozen=True, kw_only=True):
@@ -204,21 +224,40 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
+    groom, material : dict  name -> table
     """
 
     name: str = ""
     camera: Camera = Camera()
     film: Film = Film()
-    fibre: ModelTable
+    fibre: ModelTable | None = None
     environment: Table
-    curves: CurvesTable
+    curves: CurvesTable | None = None
+    groom: dict[str, Groom] = msgspec.field(default_factory=dict)
+    material: dict[str, ModelTable] = msgspec.field(default_factory=dict)
     body: Surface | None = None
     render: Render = Render()
 
     def __repr__(self) -> str:
         tables = [table for name in KINDS if (table := getattr(self, name)) is not None]
-        kinds = (table.__struct_config__.tag for table in tables)
+        kinds = [str(table.__struct_config__.tag) for table in tables]
+        kinds += [f"groom {name}" for name in self.groom]
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
+
+    def __hash__(self) -> int:
+        values = (getattr(self, name) for name in self.__struct_fields__)
+        return hash(tuple(tuple(v.items()) if isinstance(v, dict) else v for v in values))
+
+    def grooms(self) -> dict[str, Groom]:
+        """The grooms by name, each with its fibre; the short form, [curves], is one named
+        "groom"."""
+        if self.curves is not None:
+            return {"groom": Groom(curves=self.curves, fibre=self.fibre)}
+        return {name: self._with_fibre(groom) for name, groom in self.groom.items()}
+
+    def _with_fibre(self, groom: Groom) -> Groom:
+        found = self.fibre if groom.material is None else self.material[groom.material]
+        return msgspec.structs.replace(groom, material=None, fibre=groom.fibre or found)
 
     def build_fibre(self) -> Any:
         """The parameters of the fibre, of its model's own class.
@@ -226,8 +265,11 @@ class Scene(Table, frozen=True, kw_only=True):
         Raises
         ------
         FibreError      a value outside its range
+        SceneError      several grooms
         """
-        return self.fibre.build()
+        fibre = self._only_groom().fibre
+        assert fibre is not None  # by the check of every scene that is read
+        return fibre.build()
 
     def build_light(self) -> Light:
         """The light around the scene; files are read here.
@@ -244,8 +286,17 @@ class Scene(Table, frozen=True, kw_only=True):
         Raises
         ------
         GroomError      if the file cannot be used, or the generator refuses its parameters
+        SceneError      several grooms
         """
-        return self.curves.build()
+        return self._only_groom().curves.build()
+
+    def _only_groom(self) -> Groom:
+        grooms = self.grooms()
+        if len(grooms) > 1:
+            raise SceneError(
+                f"scene {self.name!r}: {len(grooms)} grooms, {', '.join(grooms)}; one is taken here"
+            )
+        return next(iter(grooms.values()))
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""
