@@ -52,6 +52,9 @@ of `[curves]`, which is the short form of one. Its fibre is `[groom.NAME.fibre]`
 names, `[material.NAME]` with the keys of `[fibre]`, or the scene's `[fibre]`. A list, `[[groom]]`
 with a key `name`, is read as well.
 
+Several cameras are a list, `[[camera]]` with a key `name`, or tables `[cameras.NAME]`;
+`film.camera`, `--camera NAME` on the command line, says which one sees the picture.
+
 Where a key says of which kind its table is (`fibre.model`, `environment.kind`, `curves.generator`),
 changing the kind takes the table's other keys away, since they belong to the former kind; those
 that the same command gives, before it or after it, are kept. Text needs no quotes there.

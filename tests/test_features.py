@@ -266,8 +266,8 @@ ABSENT = [
 def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
-        "crop": True, "orthographic": True, "sequence": "sobol", "planned": True, "shadow_roulette": True,
-        "learning": LearningPart(),
+        "crop": True, "orthographic": True, "sequence": "sobol", "planned": True,
+        "shadow_roulette": True, "learning": LearningPart(),
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

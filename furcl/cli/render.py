@@ -43,6 +43,9 @@ def render(
     ] = None,
     sampler: Annotated[Path | None, SAMPLER_FILE] = None,
     max_depth: Annotated[int | None, typer.Option(help="Longest path, in bounces.")] = None,
+    camera: Annotated[
+        str | None, typer.Option(help="Name of a camera, of a scene with several.")
+    ] = None,
     device: DeviceName = None,
     time_limit: Annotated[
         float | None, typer.Option(help="Stop after so many seconds and write what is there.")
@@ -84,6 +87,7 @@ def render(
         size=size,
         sampling=sampling,
         max_depth=max_depth,
+        camera=camera,
     )
     if frames is not None:
         limits = {"target_rmse": target_rmse, "target_relmse": target_relmse}

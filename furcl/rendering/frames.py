@@ -9,8 +9,6 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from furcl.device.choice import Device
 from furcl.errors import SceneError
 from furcl.groom.curves import Curves
@@ -100,8 +98,9 @@ def render_frames(
     renderer = None
     for frame, camera in zip(frames, cameras, strict=True):
         if renderer is None:
-            scene = msgspec.structs.replace(scene, camera=camera)
-            renderer = Renderer(scene, device, wave_size, curves=groom, target=target)
+            renderer = Renderer(
+                scene.seen_by(camera), device, wave_size, curves=groom, target=target
+            )
         else:
             renderer.look(camera)
         image = finished(renderer, progress(frame) if progress else None, time_limit)

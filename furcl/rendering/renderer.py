@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 
-import msgspec
 import numpy as np
 
 from furcl.device import layout
@@ -155,7 +154,7 @@ class Renderer:
                 f"{'lens' if another_lens else 'projection'} than the camera's; make another "
                 f"Renderer"
             )
-        self.scene = msgspec.structs.replace(self.scene, camera=camera)
+        self.scene = self.scene.seen_by(camera)
         self.wavefront.camera = camera_struct(camera, self.scene.film)
         self.restart(self.scene.render.seed)
 

@@ -31,8 +31,8 @@ class Camera(Table, frozen=True, kw_only=True):
     origin : (x, y, z)            where it is; with target, or neither of them [unit]
     target : (x, y, z)            what it looks at [unit]
     up : (x, y, z)                any vector not along the view
-    projection : str              "perspective", or "orthographic": parallel rays
     vfov_deg : float              full vertical angle of view, of perspective [deg]
+    projection : str              "perspective", or "orthographic": parallel rays
     height : float                of what is seen, of orthographic; left out it frames, which needs
                                   neither origin nor target [unit]
     aperture_radius : float       of the lens; 0 is a pinhole [unit]
@@ -46,8 +46,8 @@ class Camera(Table, frozen=True, kw_only=True):
     origin: Vec3 | None = None
     target: Vec3 | None = None
     up: Vec3 = (0.0, 0.0, 1.0)
-    projection: Literal["perspective", "orthographic"] = "perspective"
     vfov_deg: Annotated[float, Meta(ge=0.1, le=170.0)] = DEFAULT_VFOV_DEG
+    projection: Literal["perspective", "orthographic"] = "perspective"
     height: Length | None = None
     aperture_radius: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
     focus_distance: Annotated[float, Meta(gt=0.0, le=1e9)] | None = None

@@ -29,7 +29,7 @@ def orbit(scene: Scene, curves: Curves, angles_deg: Sequence[float]) -> list[Cam
     -------
     list of Camera              resolved, one an angle
     """
-    camera = scene.camera
+    camera = scene.chosen_camera
     turns = [rotation(camera.up, float(np.radians(angle))) for angle in angles_deg]
     if camera.origin is not None and camera.target is not None:
         resolved = scene.resolved_camera(curves)

@@ -59,6 +59,8 @@ class Film(Table, frozen=True, kw_only=True):
     crop : 4 whole numbers      left, top, right, bottom of the window that is rendered, counted
                                 from the top left; right and bottom are the first that are not
                                 [pixels]
+    camera : str                name of the camera that sees it, of a scene with several; the first
+                                if left out
     """
 
     width: Annotated[int, Meta(ge=1, le=16384)] = 512
@@ -67,6 +69,7 @@ class Film(Table, frozen=True, kw_only=True):
     filter_radius_px: Annotated[float, Meta(ge=0.5, le=4.0)] | None = None
     exposure_stops: Annotated[float, Meta(ge=-30.0, le=30.0)] = 0.0
     crop: tuple[Pixel, Pixel, Pixel, Pixel] | None = None
+    camera: str | None = None
 
     def __post_init__(self) -> None:
         if self.crop is None:
@@ -202,8 +205,8 @@ KINDS = {
     "curves": Kinds("generator", groom_kinds.tables, "file"),
     "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
-# Keys whose tables are named by the scene -> what each of them is by KINDS, if it has kinds.
-NAMED = {"groom": None, "material": "fibre"}
+# Keys whose tables are named by the scene -> the table of the scene that each of them is like.
+NAMED = {"groom": None, "material": "fibre", "cameras": "camera"}
 
 
 def kinds_at(keys: Keys) -> Kinds | None:
@@ -211,7 +214,7 @@ def kinds_at(keys: Keys) -> Kinds | None:
     if len(keys) == 1 and keys[0] not in NAMED:
         return KINDS.get(keys[0])
     if len(keys) == 2 and NAMED.get(keys[0]):
-        return KINDS[str(NAMED[keys[0]])]
+        return KINDS.get(str(NAMED[keys[0]]))
     if len(keys) == 3 and keys[0] in NAMED:
         return KINDS.get(keys[2])
     return None
@@ -224,7 +227,7 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
-    groom, material : dict  name -> table
+    groom, material, cameras : dict     name -> table
     """
 
     name: str = ""
@@ -235,6 +238,7 @@ class Scene(Table, frozen=True, kw_only=True):
     curves: CurvesTable | None = None
     groom: dict[str, Groom] = msgspec.field(default_factory=dict)
     material: dict[str, ModelTable] = msgspec.field(default_factory=dict)
+    cameras: dict[str, Camera] = msgspec.field(default_factory=dict)
     body: Surface | None = None
     render: Render = Render()
 
@@ -301,9 +305,21 @@ class Scene(Table, frozen=True, kw_only=True):
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""
         points, radius = curves.points, float(curves.radii.max())
-        if self.body is not None and self.camera.origin is None:
+        if self.body is not None and self.chosen_camera.origin is None:
             points, radius = self.points_to_frame(curves)
-        return self.camera.resolved(points, self.film.aspect, radius)
+        return self.chosen_camera.resolved(points, self.film.aspect, radius)
+
+    @property
+    def chosen_camera(self) -> Camera:
+        """Of several cameras that which `film.camera` names, or the first; else the only one."""
+        if self.film.camera is not None:
+            return self.cameras[self.film.camera]
+        return next(iter(self.cameras.values()), self.camera)
+
+    def seen_by(self, camera: Camera) -> Scene:
+        """The scene with one camera, this one."""
+        film = msgspec.structs.replace(self.film, camera=None)
+        return msgspec.structs.replace(self, camera=camera, cameras={}, film=film)
 
     def points_to_frame(self, curves: Curves) -> tuple[NDArray[np.float32], float]:
         """Points (n, 3) of groom and body, and the radius of a sphere around each, to be framed."""
