@@ -198,4 +198,4 @@ def test_values_of_a_named_camera_are_replaced():
 )
 def test_cameras_that_are_not_clear_are_refused(tables, overrides, words):
     with pytest.raises(SceneError, match=words):
-        decode_scene(apply_overrides(minimal(**tables), overrides))
+        with_overrides(decode_scene(minimal(**tables)), overrides)

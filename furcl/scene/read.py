@@ -241,8 +241,8 @@ def _check_cameras(scene: Scene, source: str) -> None:
     """
     if scene.cameras and scene.camera != Camera():
         raise SceneError(
-            f"{source}: camera is given beside cameras.{next(iter(scene.cameras))}; [camera] is the "
-            f"short form of one camera: give its values to one of them, as cameras.NAME.KEY"
+            f"{source}: camera is given beside cameras.{next(iter(scene.cameras))}; [camera] is "
+            f"the short form of one: give its values to one of them, as cameras.NAME.KEY"
         )
     if scene.film.camera is not None and scene.film.camera not in scene.cameras:
         known = ", ".join(scene.cameras) or "none: give [[camera]] with a name"
