@@ -17,6 +17,7 @@ from furcl.scene.tables import Film, Scene
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.device.choice import Device
+    from furcl.device.memory import Memory
     from furcl.fibre.double_cylinder.profiles import MedullaProfiles
     from furcl.fibre.material import FibreMaterial
 
@@ -78,7 +79,7 @@ def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str
         **_of_double_cylinder(material, opened),
         "compiled in": ", ".join(compiled_in(material)),
         **{f"no {name}": why for name, why in left_out(material).items()},
-        **_memory(renderer.memory.bytes),
+        **_memory(renderer.memory),
         "set-up": ", ".join(f"{name} {t:.2f} s" for name, t in renderer.seconds.items()),
     }
 
@@ -167,7 +168,7 @@ def _medulla(profiles: MedullaProfiles | None) -> str:
     )
 
 
-def _memory(held: dict[str, int]) -> dict[str, str]:
+def _memory(memory: Memory) -> dict[str, str]:
     from furcl.bvh import build
 
     groups = {
@@ -175,8 +176,8 @@ def _memory(held: dict[str, int]) -> dict[str, str]:
         "material": ("material",),
         "film": ("film", "film samples", "nonfinite"),
     }
-    sizes = {name: sum(held[part] for part in parts) for name, parts in groups.items()}
-    sizes["environment"] = held["light"]
-    sizes["path state"] = sum(held.values()) - sum(sizes.values())
+    sizes = {name: sum(map(memory.held, parts)) for name, parts in groups.items()}
+    sizes["environment"] = memory.held("light")
+    sizes["path state"] = memory.total_bytes - sum(sizes.values())
     parts = ", ".join(f"{name} {size / 2**20:.2f}" for name, size in sizes.items())
-    return {"device memory": f"{sum(held.values()) / 2**20:.2f} MiB: {parts}"}
+    return {"device memory": f"{memory.total_bytes / 2**20:.2f} MiB: {parts}"}

@@ -47,7 +47,7 @@ def render_all(
 
     with interruptible() as interrupt:
         with ThreadPoolExecutor(1) as beside:
-            curves = beside.submit(scene.build_curves)
+            curves = beside.submit(scene.build_grooms)
             from furcl.rendering.frames import frame_numbers, frame_path, render_frames
 
             numbers = frame_numbers(frames)

@@ -53,7 +53,8 @@ class Features:
     light : Part or None        see furcl.light
     surface : Part or None      a surface beside the strands, see furcl.surface
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
-    channels : int              3 for RGB, 1 where fibre, surface and light are grey
+    fibres : int                fibre materials of the scene, each with kernels of its own
+    channels : int              3 for RGB, 1 where fibres, surface and light are grey
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
@@ -74,6 +75,7 @@ class Features:
     light: Part | None = None
     surface: Part | None = None
     learning: Part | None = None
+    fibres: int = 1
     channels: int = 3
     light_sampling: bool = False
     point_radii: bool = True
@@ -96,6 +98,11 @@ class Features:
         return {name: part for name, part in found.items() if part is not None}
 
     @property
+    def hit_queues(self) -> int:
+        """Queues of hits: one for each fibre material, the last for the surface if there is one."""
+        return self.fibres + (self.surface is not None)
+
+    @property
     def light_at_infinity(self) -> bool:
         """Whether light samples have no distance."""
         return bool(getattr(self.light, "at_infinity", True))
@@ -109,6 +116,7 @@ class Features:
         }
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
+        values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)

@@ -33,13 +33,10 @@ Sequence = Literal["independent", "sobol"]
 """Sequences of random numbers."""
 SEQUENCES: tuple[Sequence, ...] = get_args(Sequence)
 
-# Materials, each with a hit queue and an entry of the queue lengths.
-MATERIALS = ("fibre", "surface")
-
-# Entries of the buffer of queue lengths; those of the hit queues follow each other. The counters of
-# chosen lobes are in a buffer of their own.
+# Entries of the buffer of queue lengths. Those of the hit queues follow each other: of each fibre
+# material, then of the surface (Features.hit_queues). The counters of chosen lobes are in buffers
+# of their own.
 COUNT_NEXT, COUNT_MISSES, COUNT_SHADOWS, COUNT_HITS = range(4)
-N_COUNTS = COUNT_HITS + len(MATERIALS)
 
 # The record of index checks, in words behind a buffer's contents (furcl/device/index_checks.py).
 CHECK_FAILURES, CHECK_LINE, CHECK_INDEX, CHECK_SIZE = range(4)
@@ -133,7 +130,6 @@ def _constants() -> dict[str, str]:
     return {
         **{name: f"{value:#x}u" for name, value in words.items()},
         **{name: str(value) for name, value in numbers.items()},
-        **{f"MATERIAL_{name.upper()}": f"{i}u" for i, name in enumerate(MATERIALS)},
         **{f"FILTER_{name.upper()}": str(i) for i, name in enumerate(FILTERS)},
         "GRID_MARGIN": hex_float(GRID_MARGIN),
         "RELATIVE_EPSILON": hex_float(RELATIVE_EPSILON),

@@ -12,6 +12,7 @@ from typing import Any
 from furcl.device.choice import Device
 from furcl.errors import SceneError
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.image.image import Image
 from furcl.rendering.arguments import check_curves, check_stops
 from furcl.rendering.renderer import Progress, Renderer, finished
@@ -58,7 +59,7 @@ def render_frames(
     target_rmse: float | None = None,
     target_relmse: float | None = None,
     wave_size: int | None = None,
-    curves: Curves | Future[Curves] | None = None,
+    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
     **changes: Any,
 ) -> Iterator[tuple[int, Image]]:
     """Render a turntable.
@@ -93,13 +94,13 @@ def render_frames(
         changes["spp"] = MOST_SPP
     scene = with_overrides(scene, **changes)
     given = curves.result() if isinstance(curves, Future) else curves
-    groom = given or scene.build_curves()
-    cameras = orbit(scene, groom, [orbit_deg * i / len(frames) for i in range(len(frames))])
+    grooms = scene.build_grooms() if given is None else Grooms.of(given)
+    cameras = orbit(scene, grooms.curves, [orbit_deg * i / len(frames) for i in range(len(frames))])
     renderer = None
     for frame, camera in zip(frames, cameras, strict=True):
         if renderer is None:
             renderer = Renderer(
-                scene.seen_by(camera), device, wave_size, curves=groom, target=target
+                scene.seen_by(camera), device, wave_size, curves=grooms, target=target
             )
         else:
             renderer.look(camera)

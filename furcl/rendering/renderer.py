@@ -15,6 +15,7 @@ from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.errors import SceneError
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.image.size import Window
@@ -54,13 +55,15 @@ class Renderer:
     wave_size : int or None         paths traced together; None: by furcl.rendering.wave_size
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
-    curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
+                                    on their way
     target : Target or None         error at which `advance` stops before it has all samples
 
     Attributes
     ----------
-    setup : Setup                   what the scene has on the device; its features, material, film
+    setup : Setup                   what the scene has on the device; its features, materials, film
                                     and wavefront are attributes of the renderer too
+    material : FibreMaterial        the first of the materials
     seconds : dict[str, float]      those of the set-up, and render [s]
     samples_done : int              whole samples a pixel, on average
     rays, shadow_rays : int         rays of all kinds, and those to lights
@@ -78,7 +81,7 @@ class Renderer:
         device: str | Device | None = None,
         wave_size: int | None = None,
         specialised: bool = True,
-        curves: Curves | Future[Curves] | None = None,
+        curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
         target: Target | None = None,
     ) -> None:
         check_curves(curves)
@@ -94,7 +97,8 @@ class Renderer:
             with_target=target is not None,
         )
         self.features = self.setup.features
-        self.material = self.setup.material
+        self.materials = self.setup.materials
+        self.material = self.materials[0]
         self.film = self.setup.film
         self.wavefront = self.setup.wavefront
         self.wave_size = self.setup.wave_size
@@ -107,7 +111,8 @@ class Renderer:
             stops = [n // self.n_pixels for n in learning.ends] if learning else []
             self.plan = SamplePlan(self.memory, self.film, even, target, stops)
         self._wave = wave_struct(scene, self.wavefront)
-        self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
+        self.lobe_counts = [np.zeros(len(m.lobes), np.int64) for m in self.materials]
+        self.material_hits = np.zeros(len(self.materials), np.int64)
         self._forget_counts()
 
     @property
@@ -119,6 +124,15 @@ class Renderer:
     def n_pixels(self) -> int:
         """Pixels of the film."""
         return self.film.width * self.film.height
+
+    @property
+    def lobes(self) -> dict[str, int]:
+        """Name of each lobe -> how often it was chosen, in all materials."""
+        chosen: dict[str, int] = {}
+        for material, counts in zip(self.materials, self.lobe_counts, strict=True):
+            for name, count in zip(material.lobes, counts.tolist(), strict=True):
+                chosen[name] = chosen.get(name, 0) + count
+        return chosen
 
     @property
     def samples_done(self) -> int:
@@ -162,7 +176,8 @@ class Renderer:
         self.paths_done = self.rays = self.shadow_rays = 0
         self.hits = self.surface_hits = self.misses = 0
         self._rays_with_lobes = 0
-        self.lobe_counts[:] = 0
+        for counts in (*self.lobe_counts, self.material_hits):
+            counts[:] = 0
 
     def advance(
         self,
@@ -250,14 +265,16 @@ class Renderer:
         self.shadow_rays += shadows
         hits = counts[layout.COUNT_HITS :]
         self.hits += int(hits.sum())
-        self.surface_hits += int(hits[layout.MATERIALS.index("surface")])
+        self.material_hits += hits[: len(self.materials)]
+        self.surface_hits += int(hits[len(self.materials) :].sum())
         self.misses += int(counts[layout.COUNT_MISSES])
         return active
 
     def _count_lobes(self) -> None:
         """Take the counts of chosen lobes over from the device."""
         if self.features.statistics:
-            self.lobe_counts += self.wavefront.read_lobe_counts()
+            for mine, read in zip(self.lobe_counts, self.wavefront.read_lobe_counts(), strict=True):
+                mine += read
         self._rays_with_lobes = self.rays
 
     def _next_wave(self, end: int) -> tuple[np.ndarray, int]:
@@ -313,7 +330,7 @@ def render(
     target_rmse: float | None = None,
     target_relmse: float | None = None,
     wave_size: int | None = None,
-    curves: Curves | Future[Curves] | None = None,
+    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -331,7 +348,8 @@ def render(
     target_relmse : float or None       the same of relMSE (furcl.image.compare)
     wave_size : int or None             paths traced together; changes no bit of the result; None:
                                         a constant of the kind of device
-    curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
+                                        on their way
 
     Returns
     -------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from furcl.device.features import Features
@@ -15,8 +16,10 @@ from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
 
 
-def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = False) -> Features:
-    """What the kernels of a scene, with what is built from it, need, whatever the groom is.
+def scene_features(
+    scene: Scene, fibres: Sequence[Any], light: Light, with_target: bool = False
+) -> Features:
+    """What the kernels of a scene, with what is built from it, need, whatever the grooms are.
 
     The light is sampled (MIS) where `light_sampling` says so, and by "auto" unless every direction
     is worth the same. Adaptive allocation and target errors need plans. With FURCL_DEBUG=1 in the
@@ -43,13 +46,14 @@ def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = F
     light_sampling = render.light_sampling == "mis" or (
         render.light_sampling == "auto" and (light.worth_sampling or not light.at_infinity)
     )
-    grey = model_of(fibre).is_grey(fibre) and light.grey
+    grey = all(model_of(fibre).is_grey(fibre) for fibre in fibres) and light.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
         light=light.part(),
         surface=scene.body.part if scene.body is not None else None,
+        fibres=len(fibres),
         channels=1 if grey else 3,
         light_sampling=light_sampling,
         lens=scene.chosen_camera.aperture_radius > 0.0,
@@ -93,7 +97,7 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     tables = material.tables is not None
     return {
         **material.fibre_features.optional(),
-        "colour": (features.channels == 3, "fibre, light and body are grey: one channel"),
+        "colour": (features.channels == 3, "fibres, light and body are grey: one channel"),
         "light_sampling": (features.light_sampling, "the environment is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import resource
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 def statistics(renderer: Renderer) -> dict[str, Any]:
     """What `--stats` writes; times in seconds, sizes in bytes."""
     render = renderer.seconds.get("render", 0.0)
+    lobes = renderer.lobes
     return {
         **software(),
         "scene": renderer.scene.name,
@@ -42,15 +44,36 @@ def statistics(renderer: Renderer) -> dict[str, Any]:
         "rays": renderer.rays,
         "mrays_s": renderer.rays / render / 1e6 if render else 0.0,
         "path_length": (renderer.rays - renderer.shadow_rays) / max(renderer.paths_done, 1),
-        "hits_per_path": int(renderer.lobe_counts.sum()) / max(renderer.paths_done, 1),
-        "lobes": dict(zip(renderer.material.lobes, renderer.lobe_counts.tolist(), strict=True)),
+        "hits_per_path": sum(lobes.values()) / max(renderer.paths_done, 1),
+        "lobes": lobes,
+        "grooms": [dataclasses.asdict(groom) for groom in renderer.setup.grooms],
+        "materials": _of_materials(renderer),
         "nonfinite": renderer.film.read_nonfinite(renderer.memory),
         "bytes": {
             "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
             "device_peak": renderer.memory.peak_bytes,
             "bvh": sum(renderer.memory.bytes[name] for name in BUFFERS),
-            "tables": renderer.memory.bytes["material"],
+            "tables": renderer.memory.held("material"),
         },
         "wave_size": renderer.wave_size.paths,
         "wave_size_from": renderer.wave_size.origin,
     }
+
+
+def _of_materials(renderer: Renderer) -> list[dict[str, Any]]:
+    """Statistics of each fibre material."""
+    rows = zip(
+        renderer.materials, renderer.material_hits.tolist(), renderer.lobe_counts, strict=True
+    )
+    return [
+        {
+            "name": material.name,
+            "hits": hits,
+            "lobes": dict(zip(material.lobes, lobes.tolist(), strict=True)),
+            "features": {
+                "compiled": material.features.as_dict(),
+                "left_out": left_out(material),
+            },
+        }
+        for material, hits, lobes in rows
+    ]

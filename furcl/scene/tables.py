@@ -23,6 +23,7 @@ from furcl.fibre import samplers
 from furcl.fibre.model import ModelTable
 from furcl.groom import kinds as groom_kinds
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.groom.tables import CurvesTable
 from furcl.image.size import Window
 from furcl.light import kinds as lights
@@ -275,6 +276,15 @@ class Scene(Table, frozen=True, kw_only=True):
         assert fibre is not None  # by the check of every scene that is read
         return fibre.build()
 
+    def build_fibres(self) -> dict[str, Any]:
+        """Name of each fibre material -> its parameters, of its model's own class.
+
+        Raises
+        ------
+        FibreError      a value outside its range
+        """
+        return {"fibre": self.build_fibre()}
+
     def build_light(self) -> Light:
         """The light around the scene; files are read here.
 
@@ -301,6 +311,15 @@ class Scene(Table, frozen=True, kw_only=True):
                 f"scene {self.name!r}: {len(grooms)} grooms, {', '.join(grooms)}; one is taken here"
             )
         return next(iter(grooms.values()))
+
+    def build_grooms(self) -> Grooms:
+        """Read or grow all grooms.
+
+        Raises
+        ------
+        GroomError      as `build_curves`
+        """
+        return Grooms.of(self.build_curves())
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""

@@ -11,13 +11,27 @@
 typedef struct {
     Paths paths;
     __global const uint* queue;
-    __global uint* hit_queues;  /* one of n_slots for each material: FURCL_MATERIAL_* */
+    __global uint* hit_queues;  /* of n_slots each: of each fibre material, then the surface's */
     __global uint* miss_queue;
     __global uint* counts;
+#if FURCL_FIBRES > 1
+    __global const uint* material_starts;
+#endif
 #if FURCL_SURFACE
     const SurfaceParams* surface;
 #endif
 } PathRays;
+
+#if FURCL_FIBRES > 1
+/* The material of the fibre that a vertex belongs to. Strands are in the order of their materials;
+   `starts` are the first vertices of all materials but the first. */
+static inline uint material_of_vertex(__global const uint* starts, uint vertex)
+{
+    uint material = 0u;
+    for (uint i = 0; i < FURCL_FIBRES - 1u; i++) material += vertex >= starts[i] ? 1u : 0u;
+    return material;
+}
+#endif
 
 static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
@@ -40,10 +54,13 @@ static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
         rays->miss_queue[FURCL_SLOT(paths, place)] = slot;
         return;
     }
-    uint material = FURCL_MATERIAL_FIBRE;
+    uint material = 0u;
+#if FURCL_FIBRES > 1
+    material = material_of_vertex(rays->material_starts, hit->segment);
+#endif
 #if FURCL_SURFACE
     set_path_float(paths, PS_HIT_T, slot, hit->t);
-    if (hit->segment == FURCL_SURFACE_HIT) material = FURCL_MATERIAL_SURFACE;
+    if (hit->segment == FURCL_SURFACE_HIT) material = FURCL_FIBRES;
 #endif
     set_path_float(paths, PS_HIT_U, slot, hit->u);
     set_path_uint(paths, PS_HIT_SEGMENT, slot, hit->segment);
@@ -63,6 +80,9 @@ __kernel void intersect_closest(
     __global uint* miss_queue, __global const uint* active_counts, __global uint* counts,
     const uint n_slots, __global const uint* blocks, __global const StoredVertex* vertices,
     __global const uint* strands
+#if FURCL_FIBRES > 1
+    , __global const uint* material_starts
+#endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
 #endif
@@ -75,6 +95,9 @@ __kernel void intersect_closest(
     rays.hit_queues = hit_queues;
     rays.miss_queue = miss_queue;
     rays.counts = counts;
+#if FURCL_FIBRES > 1
+    rays.material_starts = material_starts;
+#endif
 #if FURCL_SURFACE
     rays.surface = &surface;
 #endif

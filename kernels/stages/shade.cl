@@ -58,20 +58,21 @@ static inline Bounce scatter_at_fibre(
 
    reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, material, light
    writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
-   over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
+   over     the hit queue of its material, of number `queue`, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
 __kernel void shade(
     __global float* state, __global const uint* hit_queues, __global uint* next_queue,
     __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
-    __global const StoredVertex* vertices, __global const float* material, __global const float* light
+    const uint queue, __global const StoredVertex* vertices, __global const float* material,
+    __global const float* light
 #if FURCL_LEARNING
     , __global const float* table, __global uint* records
 #endif
     )
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_FIBRE];
+    const uint n_hits = counts[FURCL_COUNT_HITS + queue];
     const Paths paths = {state, wave.n_slots};
-    __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_FIBRE * wave.n_slots;
+    __global const uint* hit_queue = hit_queues + (size_t)queue * wave.n_slots;
     const Fibre fibre = fibre_of(material);
 #if FURCL_LEARNING
     const Learned learned = learned_of(table, records, &wave);

@@ -32,7 +32,7 @@ static inline Bounce scatter_at_surface(
 
    reads    state: ORIGIN, DIR, HIT_T, THROUGHPUT; light
    writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
-   over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
+   over     the last hit queue, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
 __kernel void shade_surface(
     __global float* state, __global const uint* hit_queues, __global uint* next_queue,
@@ -43,9 +43,9 @@ __kernel void shade_surface(
 #endif
     )
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_SURFACE];
+    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_FIBRES];
     const Paths paths = {state, wave.n_slots};
-    __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_SURFACE * wave.n_slots;
+    __global const uint* hit_queue = hit_queues + (size_t)FURCL_FIBRES * wave.n_slots;
 #if FURCL_LEARNING
     const Learned learned = learned_of(table, records, &wave);
 #endif
