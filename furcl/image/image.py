@@ -44,6 +44,10 @@ class Image:
                                     there are any, where some pixels have none
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
+    layers : dict                   channel by its EXR name -> (H, W) float32 (docs/layers.md)
+    attributes : dict               of the EXR header, which belong to layers
+    transparent : bool              rgb holds nothing of what is behind the scene: it is multiplied
+                                    with the layer A
     window : Window or None         what part of a larger picture this is; EXR files have it as
                                     their data window
     """
@@ -54,6 +58,9 @@ class Image:
     exposure_stops: float = 0.0
     samples: NDArray[np.uint32] | None = None
     window: Window | None = None
+    layers: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    transparent: bool = False
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
@@ -130,7 +137,15 @@ class Image:
                 f"save the picture again"
             ) from None
         samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
-        loaded = cls(rgb_of(channels, header, path), variance, stats, samples=samples)
+        loaded = cls(
+            rgb_of(channels, header, path),
+            variance,
+            stats,
+            samples=samples,
+            layers={name: channels[name] for name in stats.get("layers", ()) if name in channels},
+            attributes={k: v for k, v in header.items() if k.startswith("cryptomatte/")},
+            transparent=bool(stats.get("transparent", False)),
+        )
         if not isinstance(stats, dict) or "crop" not in stats:
             return loaded
         try:
@@ -162,6 +177,7 @@ class Image:
             rgb=part(self.rgb),
             variance=part(self.variance),
             samples=part(self.samples),
+            layers={name: part(values) for name, values in self.layers.items()},
             window=Window(left, top, right - left, bottom - top, self.width, self.height),
         )
 
@@ -191,7 +207,8 @@ class Image:
                 if path.suffix.lower() == ".png":
                     temporary.write_bytes(self.png_bytes())
                 else:
-                    write_exr(temporary, self._channels(), _header(self.stats), self.window)
+                    header = {**_header(self.stats), **self.attributes}
+                    write_exr(temporary, self._channels(), header, self.window)
         except OSError as error:
             raise ImageError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -200,9 +217,15 @@ class Image:
         from PIL import Image as PillowImage
 
         linear = self.rgb.astype(np.float64) * 2.0**self.exposure_stops
+        alpha = self.layers.get("A") if self.transparent else None
+        if alpha is not None:  # PNG keeps colours as they are without what is behind
+            linear /= np.maximum(alpha, np.finfo(np.float32).tiny)[..., None]
         encoded = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
+        if alpha is not None:
+            encoded = np.concatenate([encoded, alpha[..., None]], axis=2)
         stream = io.BytesIO()
-        PillowImage.fromarray(np.rint(encoded * 255.0).astype(np.uint8), "RGB").save(stream, "PNG")
+        mode = "RGB" if alpha is None else "RGBA"
+        PillowImage.fromarray(np.rint(encoded * 255.0).astype(np.uint8), mode).save(stream, "PNG")
         return stream.getvalue()
 
     def _repr_png_(self) -> bytes:
@@ -219,7 +242,7 @@ class Image:
                 channels["error"] = self.standard_error
         if self.samples is not None and fewest == 0:
             channels["A"] = (self.samples > 0).astype(np.float32)
-        return channels
+        return {**channels, **self.layers}
 
 
 def _header(stats: Mapping[str, Any]) -> dict[str, Any]:

@@ -243,10 +243,12 @@ class Renderer:
         lengths = None
         for depth in range(self.scene.render.max_depth + 1):
             stages.intersect_closest(wave, active)
+            if depth == 0:
+                stages.add_first_hits(wave, n_pixels)
             stages.shade_escaped(wave, active, depth)
             if depth < self.scene.render.max_depth:
                 stages.scatter(wave, active, depth)
-                stages.intersect_shadow(wave, active)
+                stages.intersect_shadow(wave, active, depth)
             before, lengths = lengths, stages.swap()
             if before:
                 active = self._count_rays(before)
@@ -299,7 +301,10 @@ class Renderer:
         empty = samples == 0
         if empty.any():
             mean[empty] = variance[empty] = 0.0
+        layers = self.film.layers
+        channels, attributes = layers.read(samples) if layers else ({}, {})
         stats = self.stats()
+        stats["layers"] = sorted(channels)
         stats["error"] = estimated_errors(mean, variance)
         stats["samples"] = {"min": int(samples.min()), "max": int(samples.max())}
         stats["pixels_without_samples"] = int(empty.sum())
@@ -310,6 +315,9 @@ class Renderer:
             exposure_stops=self.scene.film.exposure_stops,
             samples=samples,
             window=None if self.window.whole else self.window,
+            layers=channels,
+            attributes=attributes,
+            transparent=self.features.transparent,
         )
 
     def stats(self) -> dict:

@@ -155,6 +155,8 @@ def set_up(
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
                 )
+        if film.layers:
+            film.layers.place(grooms, [] if features.surface is None else ["body"])
         built = tree.result()
         wavefront.place(built.arguments(), grooms.material_starts(len(materials)))
     return Setup(

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from furcl.device.features import Features
+from furcl.device.layout import LAYERS
 from furcl.errors import SceneError
 from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
 from furcl.fibre.model import model_of
 from furcl.light.model import Light
+from furcl.rendering.layers import LayerPart
 from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
@@ -51,6 +53,8 @@ def scene_features(
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
+        layers=_layers(scene, fibres),
+        transparent=scene.film.background == "transparent",
         light=light.part(),
         surface=scene.body.part if scene.body is not None else None,
         fibres=len(fibres),
@@ -68,6 +72,19 @@ def scene_features(
         statistics=render.statistics,
         debug=switched_on("FURCL_DEBUG"),
     )
+
+
+def _layers(scene: Scene, fibres: Sequence[Any]) -> LayerPart | None:
+    """The layers of the film; transparency wants alpha."""
+    wanted = {*scene.film.layers, *(["alpha"] if scene.film.background == "transparent" else [])}
+    if not wanted:
+        return None
+    lobes: dict[str, None] = {}
+    for fibre in fibres if "lobes" in wanted else ():
+        model = model_of(fibre)
+        n_lobes = model.features(fibre, residual=scene.render.residual).n_lobes
+        lobes |= dict.fromkeys(lobe.name for lobe in model.lobes[:n_lobes])
+    return LayerPart(tuple(name for name in LAYERS if name in wanted), tuple(lobes))
 
 
 def everything_on(features: Features) -> Features:
@@ -102,6 +119,8 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
         "orthographic": (features.orthographic, "the camera has a perspective"),
+        "transparent": (features.transparent, "the light behind the scene is seen"),
+        "layers": (features.layers is not None, "film.layers asks for none"),
         "crop": (features.crop, "the film holds the whole picture"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "sobol": (features.sequence == "sobol", "samples of a pixel are independent"),

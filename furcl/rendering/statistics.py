@@ -34,6 +34,7 @@ def statistics(renderer: Renderer) -> dict[str, Any]:
         "width": renderer.film.width,
         "height": renderer.film.height,
         **({} if renderer.window.whole else {"crop": list(renderer.window.box)}),
+        "transparent": renderer.features.transparent,
         "segments": renderer.setup.n_segments,
         "features": {
             "compiled": renderer.material.features.as_dict(),

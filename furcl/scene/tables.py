@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from furcl.device.layout import Filter, Sequence
+from furcl.device.layout import LAYERS, Filter, Layer, Sequence
 from furcl.errors import SceneError
 from furcl.fibre import model as models
 from furcl.fibre import samplers
@@ -62,6 +62,9 @@ class Film(Table, frozen=True, kw_only=True):
                                 [pixels]
     camera : str                name of the camera that sees it, of a scene with several; the first
                                 if left out
+    background : str            what is seen where a camera ray meets nothing: the "light" of its
+                                direction, or nothing, "transparent", with an alpha
+    layers : list of words      what is written beside the picture (docs/layers.md)
     """
 
     width: Annotated[int, Meta(ge=1, le=16384)] = 512
@@ -71,8 +74,13 @@ class Film(Table, frozen=True, kw_only=True):
     exposure_stops: Annotated[float, Meta(ge=-30.0, le=30.0)] = 0.0
     crop: tuple[Pixel, Pixel, Pixel, Pixel] | None = None
     camera: str | None = None
+    background: Literal["light", "transparent"] = "light"
+    layers: tuple[Layer, ...] = ()
 
     def __post_init__(self) -> None:
+        twice = [name for name in LAYERS if self.layers.count(name) > 1]
+        if twice:
+            raise ValueError(f"layers = {list(self.layers)} has {twice[0]!r} twice; remove one")
         if self.crop is None:
             return
         left, top, right, bottom = self.crop

@@ -15,6 +15,9 @@ static inline Bounce scatter_at_surface(
     bounce.direction = diffuse_sample(at->normal, xi.xy, &pdf);
     bounce.from_segment = FURCL_NO_SEGMENT;
     bounce.weight = at->albedo;
+#if FURCL_LIGHT_LAYERS
+    bounce.first = FURCL_LOBE_LAYERS;
+#endif
 #if FURCL_LIGHT_SAMPLING
     bounce.pdf = pdf;
     const LightSample sample = light_sample(light, at->position, light_xi.xy);
