@@ -122,6 +122,12 @@ def sections() -> list[Section]:
                 Section(field.name, struct, kinds.tag, kind, kind == kinds.default)
                 for kind, struct in kinds.tables().items()
             ]
+        elif named and NAMED[field.name] == field.name:
+            kinds = kinds_at((field.name, "NAME"))
+            outer = [
+                Section(f"{field.name}.NAME", struct, kinds.tag, kind)
+                for kind, struct in (kinds.tables() if kinds else {}).items()
+            ]
         elif named:
             outer = [] if NAMED[field.name] else [Section(f"{field.name}.NAME", named)]
         else:
@@ -129,12 +135,13 @@ def sections() -> list[Section]:
         for section in outer:
             inner = msgspec.structs.fields(section.struct)
             found += [section]
-            found += [
+            tables = [
                 Section(f"{section.name}.{f.name}", t)
                 for f in inner
                 if not (named and kinds_at((*section.name.split("."), f.name)))
                 for t in _tables_in(f.type)
             ]
+            found += [table for table in tables if table not in found]
     return found
 
 
@@ -229,6 +236,9 @@ def _kind(hint: Any) -> str:
     for part in map(_bare, _parts(hint)):
         if typing.get_origin(part) is tuple:
             inner = typing.get_args(part)
+            if inner[-1] is Ellipsis:
+                words.append(f"list of {_kind(inner[0])}s".replace("texts", "words"))
+                continue
             if typing.get_origin(inner[0]) is tuple:
                 words.append(f"{len(inner)} rows of {_kind(inner[0])}")
                 continue
@@ -240,9 +250,8 @@ def _kind(hint: Any) -> str:
 
 def _range(hint: Any, allowed: tuple[Any, ...]) -> tuple[str, Limits | None]:
     """What values are allowed, in words and as limits; `allowed` where the type does not say."""
-    choices = [
-        w for p in _parts(hint) if typing.get_origin(p) is Literal for w in typing.get_args(p)
-    ]
+    each = [typing.get_args(p)[0] if Ellipsis in typing.get_args(p) else p for p in _parts(hint)]
+    choices = [w for p in each if typing.get_origin(p) is Literal for w in typing.get_args(p)]
     choices = choices or [word for word in allowed if isinstance(word, str)]
     if choices:
         return ", ".join(f"`{word}`" for word in choices), None

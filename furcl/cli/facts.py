@@ -13,6 +13,7 @@ from furcl.cli import warnings
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
+from furcl.groom.joined import Grooms
 from furcl.scene.tables import Film, Scene
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
@@ -42,14 +43,15 @@ def of_scene(scene: Scene) -> dict[str, str]:
     GroomError, ImageError      if a file that the scene names cannot be used
     """
     film, render = scene.film, scene.render
-    fibre, curves = scene.build_fibre(), scene.build_curves()
+    grooms = scene.build_grooms()
+    curves = grooms.curves
     return {
         "scene": scene.name,
         "film": f"{film.width} x {film.height}, {film.filter} filter{_crop(film)}",
-        "fibre": f"{fibre.model}: {_parameters(fibre)}",
-        "fibre's source": getattr(fibre, "provenance", "given by the user"),
+        **_of_fibres(scene.build_fibres()),
         "environment": _environment(scene),
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
+        **_of_grooms(grooms, list(scene.materials())),
         **_of_curves(curves),
         **{f"warning {n}": said for n, said in enumerate(warnings.of_scene(scene, curves), 1)},
     }
@@ -73,14 +75,47 @@ def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str
     from furcl.rendering.specialise import compiled_in, left_out
 
     renderer = Renderer(scene, device)
-    opened, material = renderer.device, renderer.material
+    opened = renderer.device
+    of_materials = {}
+    for material in renderer.materials:
+        facts = {
+            **_of_double_cylinder(material, opened),
+            "compiled in": ", ".join(compiled_in(material)),
+            **{f"no {name}": why for name, why in left_out(material).items()},
+        }
+        of_materials |= _named(facts, material.name, len(renderer.materials))
     return {
         "device": f"{opened.name}, {opened.platform}, driver {opened.driver_version}",
-        **_of_double_cylinder(material, opened),
-        "compiled in": ", ".join(compiled_in(material)),
-        **{f"no {name}": why for name, why in left_out(material).items()},
+        **of_materials,
         **_memory(renderer.memory),
         "set-up": ", ".join(f"{name} {t:.2f} s" for name, t in renderer.seconds.items()),
+    }
+
+
+def _named(facts: dict[str, str], name: str, count: int) -> dict[str, str]:
+    """Facts of one of so many things, which are told apart by their names if they are several."""
+    return {f"{name}: {key}": value for key, value in facts.items()} if count > 1 else facts
+
+
+def _of_fibres(fibres: dict[str, Any]) -> dict[str, str]:
+    facts = {}
+    for name, fibre in fibres.items():
+        of_fibre = {
+            "fibre": f"{fibre.model}: {_parameters(fibre)}",
+            "fibre's source": getattr(fibre, "provenance", "given by the user"),
+        }
+        facts |= _named(of_fibre, name, len(fibres))
+    return facts
+
+
+def _of_grooms(grooms: Grooms, materials: list[str]) -> dict[str, str]:
+    """A line for each of several grooms."""
+    if len(grooms.grooms) == 1:
+        return {}
+    return {
+        f"groom {groom.name}": f"{groom.curves.n_strands} strands, {groom.curves.n_segments} "
+        f"segments of {materials[groom.material]}"
+        for groom in grooms.grooms
     }
 
 
@@ -101,9 +136,9 @@ def _parameters(fibre: Any) -> str:
 
 
 def _environment(scene: Scene) -> str:
-    clamped = scene.build_light().n_negative
+    clamped = scene.build_lights().n_negative
     found = f", {clamped} pixels below zero set to zero" if clamped else ""
-    return f"{scene.environment}{found}"
+    return f"{scene.environment or 'none'}{found}"
 
 
 def _of_curves(curves: Curves) -> dict[str, str]:

@@ -18,13 +18,21 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-def check_frames(frames: str | None, orbit: float | None, output: Path, stats: Path | None) -> None:
-    """Refuse options that do not go together.
+def check_frames(
+    frames: str | None, orbit: float | None, output: Path, stats: Path | None, kept: bool
+) -> None:
+    """Refuse options that do not go together; `kept` is whether there is a checkpoint.
 
     Raises
     ------
-    BadParameter    --frames without --orbit, or the other way round; files that all frames share
+    BadParameter    --frames without --orbit, or the other way round; files that all frames share;
+                    --frames with a checkpoint
     """
+    if frames is not None and kept:
+        raise typer.BadParameter(
+            "--frames goes without --checkpoint and --resume, which are for one picture; render "
+            "the frames that are missing, as in --frames 7:8"
+        )
     if (frames is None) != (orbit is None):
         raise typer.BadParameter(
             "--frames says which pictures, --orbit by how many degrees the camera turns in them; "
@@ -43,7 +51,8 @@ def render_all(
     scene: Scene, frames: str, orbit: float, output: Path, stats: Path | None, **options: Any
 ) -> None:
     """Render the frames, write each as soon as it is there; options are those of render_frames."""
-    from furcl.cli.render import tell_what_was_reached, write
+    from furcl.cli.outputs import Outputs
+    from furcl.cli.render import tell_what_was_reached
 
     with interruptible() as interrupt:
         with ThreadPoolExecutor(1) as beside:
@@ -71,7 +80,8 @@ def render_all(
                     **options,
                 )
                 for frame, image in pictures:
-                    write(image, frame_path(output, frame), stats and frame_path(stats, frame))
+                    of_frame = stats and frame_path(stats, frame)
+                    Outputs.of(frame_path(output, frame), of_frame).write(image)
                     tell_what_was_reached(image.stats, scene.render.spp)
                     if interrupt.requested:
                         break

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -22,9 +22,6 @@ from furcl.cli.options import (
     SceneName,
     WaveSize,
 )
-
-if TYPE_CHECKING:
-    from furcl.image.image import Image
 
 log = logging.getLogger(__name__)
 
@@ -58,6 +55,14 @@ def render(
         float | None, typer.Option(help="Stop at this relMSE, as estimated; --spp limits it.")
     ] = None,
     stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
+    checkpoint: Annotated[
+        float | None,
+        typer.Option(help="Keep the render in OUT.checkpoint every so many minutes, and its end."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Go on from a checkpoint, to the bits of a render that never stopped."),
+    ] = None,
     wave_size: WaveSize = None,
     frames: Annotated[
         str | None,
@@ -70,11 +75,14 @@ def render(
     overrides: Overrides = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
+    from furcl.cli.outputs import Outputs
     from furcl.fibre import samplers
-    from furcl.scene.read import load_scene
+    from furcl.scene.read import find_scene, load_scene
+    from furcl.scene.schema import files_of
 
-    _check_outputs(output, stats)
-    check_frames(frames, orbit, output, stats)
+    check_frames(frames, orbit, output, stats, checkpoint is not None or resume is not None)
+    outputs = Outputs.of(output, stats)
+    outputs.check([find_scene(scene), *([sampler] if sampler else [])])
     if sampler:
         if sampling:
             raise typer.BadParameter("--sampler and --sampling name two samplers; keep one")
@@ -89,6 +97,7 @@ def render(
         max_depth=max_depth,
         camera=camera,
     )
+    outputs.check_apart(files_of(loaded))
     if frames is not None:
         limits = {"target_rmse": target_rmse, "target_relmse": target_relmse}
         options = {"spp": spp, "device": device, "wave_size": wave_size, "time_limit": time_limit}
@@ -116,24 +125,14 @@ def render(
                     target_rmse=target_rmse,
                     target_relmse=target_relmse,
                     wave_size=wave_size,
+                    checkpoint=outputs.checkpoint,
+                    checkpoint_minutes=checkpoint,
+                    resume=resume,
                 )
-        write(image, output, stats)
+        outputs.write(image)
     tell_what_was_reached(image.stats, loaded.render.spp)
     if interrupt.requested:
         raise interrupt.exit()
-
-
-def write(image: Image, output: Path, stats: Path | None) -> None:
-    """Write picture, preview and statistics."""
-    written = dict.fromkeys([output, output.with_suffix(".png")])
-    for path in written:
-        image.save(path)
-    if stats:
-        _write_json(image.stats, stats)
-    log.info("wrote %s", ", ".join(str(path) for path in written))
-    empty = image.stats.get("pixels_without_samples", 0)
-    if empty:
-        log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
 
 
 def tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
@@ -154,27 +153,6 @@ def tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
             f"{'stopped early at' if stopped else 'reached'} {name} {found}"
             f"{'' if target is None else f' of {target:.3g}'} with {done} samples a pixel",
         )
-
-
-def _check_outputs(output: Path, stats: Path | None) -> None:
-    """Refuse before the render what could not be written after it; make missing folders."""
-    from furcl.errors import ImageError
-    from furcl.files import check_writable
-
-    if output.suffix.lower() not in (".exr", ".png"):
-        raise typer.BadParameter(f"{output}: the name must end with .exr or .png")
-    for path in (output, output.with_suffix(".png"), stats):
-        if path:
-            check_writable(path, ImageError)
-
-
-def _write_json(values: object, path: Path) -> None:
-    import json
-
-    from furcl.files import atomic_path
-
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
 
 
 def register(app: typer.Typer) -> None:

@@ -43,14 +43,15 @@ class Part(Protocol):
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
-    The parts are the virtual includes <fibre>, <sampler>, <light>, <surface>, <learning> and
-    <layers>; None where a kernel has nothing to do with them, or the scene has none.
+    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface>, <learning>
+    and <layers>; None where a kernel has nothing to do with them, or the scene has none.
 
     Attributes
     ----------
     fibre : Part or None        a fibre model and what it needs, see furcl.fibre.model
     sampler : Part or None      how lobe and offset h are chosen, see furcl.fibre.samplers
-    light : Part or None        see furcl.light
+    light : Part or None        the environment, see furcl.light.model
+    lamps : Part or None        see furcl.light.lamps
     surface : Part or None      a surface beside the strands, see furcl.surface
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
     layers : Part or None       layers of the film, see furcl.rendering.layers
@@ -75,6 +76,7 @@ class Features:
     fibre: Part | None = None
     sampler: Part | None = None
     light: Part | None = None
+    lamps: Part | None = None
     surface: Part | None = None
     learning: Part | None = None
     layers: Part | None = None
@@ -108,8 +110,19 @@ class Features:
 
     @property
     def light_at_infinity(self) -> bool:
-        """Whether light samples have no distance."""
+        """Whether rays that leave the scene find the environment, and samples of it have no
+        distance."""
         return bool(getattr(self.light, "at_infinity", True))
+
+    @property
+    def area_lamps(self) -> bool:
+        """Whether rays can meet lamps."""
+        return bool(getattr(self.lamps, "area", False))
+
+    @property
+    def shadow_distances(self) -> bool:
+        """Whether light samples have distances."""
+        return not self.light_at_infinity or bool(getattr(self.lamps, "placed", False))
 
     def defines(self) -> dict[str, int | str]:
         """Names and values of the preprocessor defines."""
@@ -123,8 +136,10 @@ class Features:
         values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)
+        values["FURCL_ENVIRONMENT"] = int(self.light is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
-        values |= NO_SAMPLER | NO_LAYERS
+        values["FURCL_SHADOW_DISTANCES"] = int(self.shadow_distances)
+        values |= NO_SAMPLER | NO_LAMPS | NO_LAYERS
         for part in self.parts.values():
             values |= part.defines()
         values["FURCL_LAYERS_OF_LOBES"] = self._layers_of_lobes()
@@ -187,11 +202,16 @@ NO_LAYERS = {
     )
 }
 
-PARTS = ("fibre", "sampler", "light", "surface", "learning", "layers")
+
+# What the part of lamps defines, for scenes without any.
+NO_LAMPS = {"FURCL_LAMPS": 0, "FURCL_AREA_LAMPS": 0, "FURCL_LAMP_DISTANT": 0}
+
+PARTS = ("fibre", "sampler", "light", "lamps", "surface", "learning", "layers")
 PLAIN_NAMES = {
     "fibre": "model",
     "sampler": "sampling",
     "light": "environment",
+    "lamps": "lamps",
     "surface": "body",
     "learning": "learning",
     "layers": "layers",

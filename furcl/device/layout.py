@@ -23,6 +23,8 @@ Fields = tuple[tuple[str, str], ...]
 
 NO_SEGMENT = 0xFFFFFFFF
 SURFACE_HIT = 0xFFFFFFFE
+LAMP_HIT = 0xFFFFFFFD
+NO_LAMP = 0xFFFFFFFF
 NO_BLOCK = 0xFFFFFFFF
 NOTHING_MET = 0xFFFFFFFF
 
@@ -112,6 +114,8 @@ def _constants() -> dict[str, str]:
     words = {
         "NO_SEGMENT": NO_SEGMENT,
         "SURFACE_HIT": SURFACE_HIT,
+        "LAMP_HIT": LAMP_HIT,
+        "NO_LAMP": NO_LAMP,
         "NO_BLOCK": NO_BLOCK,
         "NOTHING_MET": NOTHING_MET,
         "COUNT_NEXT": COUNT_NEXT,
@@ -248,9 +252,9 @@ PATH_STATE = (
     Plane("FROM_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
     Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
     Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
-    Plane("HIT_T", 1, lambda f: f.surface is not None),  # fibres need HIT_U alone
-    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or SURFACE_HIT
-    Plane("HIT_U", 1),  # along the segment, 0..1
+    Plane("HIT_T", 1, lambda f: f.surface is not None or f.area_lamps),  # fibres need HIT_U alone
+    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or *_HIT
+    Plane("HIT_U", 1),  # along the segment, 0..1; of LAMP_HIT which lamp
     Plane("THROUGHPUT", "spectrum"),
     Plane("RADIANCE", "spectrum"),
     Plane("LOBE", 1),  # uint
@@ -258,7 +262,8 @@ PATH_STATE = (
     Plane("JOINT", 1),  # q(lobe, h), relative to uniform h
     Plane("DIR_PDF", 1, lambda f: f.light_sampling),  # about that of DIR, of any h; 0: camera
     Plane("SHADOW_DIR", 3, lambda f: f.light_sampling),
-    Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and not f.light_at_infinity),
+    Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and f.shadow_distances),
+    Plane("SHADOW_LAMP", 1, lambda f: f.light_sampling and f.area_lamps),  # uint, or NO_LAMP
     Plane("SHADOW_RADIANCE", "spectrum", lambda f: f.light_sampling),
     Plane("FIRST", 1, lambda f: f.light_layers),  # uint: layer of the first scattering, NOTHING_MET
     Plane("ALBEDO", "spectrum", lambda f: f.has_layer("albedo")),  # weight of the first bounce

@@ -107,10 +107,14 @@ class Memory:
         return buffer
 
     def read(
-        self, buffer: cl.Buffer, shape: tuple[int, ...] | int, dtype: DTypeLike = np.float32
+        self,
+        buffer: cl.Buffer,
+        shape: tuple[int, ...] | int,
+        dtype: DTypeLike = np.float32,
+        offset: int = 0,
     ) -> np.ndarray:
-        """Copy the head of a buffer back; waits for the queue."""
+        """Copy a part of a buffer back, from a byte on; waits for the queue."""
         check_process()
         out = np.empty(shape, dtype)
-        cl.enqueue_copy(self.device.queue, out, buffer)
+        cl.enqueue_copy(self.device.queue, out, buffer, src_offset=offset)
         return out

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +50,11 @@ class Curves:
     dropped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     attributes: Attributes = field(default_factory=lambda: MappingProxyType({}))
     ignored: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle and copy, which take neither a proxy of a mapping nor the flags of arrays."""
+        arrays = (self.points, self.radii, self.offsets, dict(self.attributes))
+        return _frozen, (*arrays, dict(self.dropped), self.ignored)
 
     def __repr__(self) -> str:
         named = f", with {', '.join(self.attributes)}" if self.attributes else ""
@@ -181,6 +187,7 @@ class Curves:
         A point that repeats the point before it and its radius (a segment shorter than 1e-18) is
         dropped, and so is a strand whose points are all one; both are counted in `dropped`. Radii
         below 1e-18, such as 0 at a tip, become 1e-18, which no ray meets, and are counted too.
+        The groom has its own copy: what is written to the arrays later does not reach it.
 
         Parameters
         ----------
@@ -200,19 +207,67 @@ class Curves:
         ------
         GroomError                   names the source, the strand and the point
         """
+        points, radii = _array(points, "points", source), _array(radii, "radii", source)
         given = dict(attributes or {})
         if colours is not None:
             given["colours"] = colours
-        grid = np.shape(points)[:2] if offsets is None else None
-        points, radii, offsets = _shaped(points, radii, offsets, source)
-        _check_offsets(offsets, len(points), source)
-        _check_points(points, offsets, source)
-        radii, n_thin = _checked_radii(radii, offsets, source)
-        values = checked_values(given, offsets, grid, source)
-        points, radii, offsets, values, cleaned = _clean(points, radii, offsets, values, source)
-        found = {**(dropped or {}), **cleaned}
-        found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
-        return _frozen(points, radii, offsets, values, found, tuple(ignored))
+        curves = adopted(
+            points,
+            radii,
+            offsets,
+            source=source,
+            dropped=dropped,
+            attributes=given,
+            ignored=ignored,
+        )
+        outside = [points, radii, *(np.asarray(array) for array in given.values())]
+        outside += [] if offsets is None else [np.asarray(offsets)]
+
+        def own(array):
+            # One array may stand for several, so each is compared with all.
+            shared = any(np.may_share_memory(array, other) for other in outside)
+            return array.copy() if shared else array
+
+        return _frozen(
+            own(curves.points),
+            own(curves.radii),
+            own(curves.offsets),
+            {name: own(array) for name, array in curves.attributes.items()},
+            curves.dropped,
+            curves.ignored,
+        )
+
+
+def adopted(
+    points: ArrayLike,
+    radii: ArrayLike,
+    offsets: ArrayLike | None = None,
+    colours: ArrayLike | None = None,
+    *,
+    source: str = "curves",
+    dropped: Mapping[str, int] | None = None,
+    attributes: Mapping[str, ArrayLike] | None = None,
+    ignored: Sequence[str] = (),
+) -> Curves:
+    """As `Curves.from_arrays`, of arrays that nobody else keeps: what fits is not copied.
+
+    Raises
+    ------
+    GroomError      as `Curves.from_arrays`
+    """
+    given = dict(attributes or {})
+    if colours is not None:
+        given["colours"] = colours
+    grid = np.shape(points)[:2] if offsets is None else None
+    points, radii, offsets = _shaped(points, radii, offsets, source)
+    _check_offsets(offsets, len(points), source)
+    _check_points(points, offsets, source)
+    radii, n_thin = _checked_radii(radii, offsets, source)
+    values = checked_values(given, offsets, grid, source)
+    points, radii, offsets, values, cleaned = _clean(points, radii, offsets, values, source)
+    found = {**(dropped or {}), **cleaned}
+    found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
+    return _frozen(points, radii, offsets, values, found, tuple(ignored))
 
 
 def _frozen(points, radii, offsets, attributes, dropped, ignored=()) -> Curves:
@@ -234,7 +289,7 @@ def _shaped(points, radii, offsets, source):
             f"{source}: there are no offsets, and points of shape {points.shape} do not say where "
             "strands begin. Give offsets, or points (S, K, 3) of S strands of K points."
         )
-    offsets = np.asarray(offsets)
+    offsets = _array(offsets, "offsets", source)
     if points.ndim != 2 or points.shape[1] != 3:
         raise GroomError(
             f"{source}: points has shape {points.shape}; expected (N, 3), one row x y z per point, "
@@ -272,8 +327,15 @@ def _flattened(points, radii, source):
     return points.reshape(-1, 3), radii.ravel() if radii.ndim else radii, offsets
 
 
+def _array(values, name, source):
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise GroomError(f"{source}: {name} is no array: {error}. Give numbers.") from None
+
+
 def _numbers(values, name, source):
-    array = np.asarray(values)
+    array = _array(values, name, source)
     if array.dtype.kind not in "fiu":
         raise GroomError(f"{source}: {name} has type {array.dtype}; expected real numbers.")
     return array

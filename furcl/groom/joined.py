@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furcl.errors import GroomError
 from furcl.groom.copies import copied_strands
-from furcl.groom.curves import MAX_POINTS, Curves
+from furcl.groom.curves import MAX_POINTS, POINTS_AT_ONCE, Curves
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class Grooms:
     @classmethod
     def of(cls, curves: Curves | Grooms) -> Grooms:
         """These grooms, or the groom of a scene that has one."""
-        return curves if isinstance(curves, Grooms) else cls([Groom("groom1", curves)])
+        return curves if isinstance(curves, Grooms) else cls([Groom("groom", curves)])
 
     @cached_property
     def curves(self) -> Curves:
@@ -119,6 +120,36 @@ class Grooms:
             elif own.any():
                 left.append(replace(groom, curves=groom.curves.with_strands(own, "copied_strands")))
         return Grooms(left)
+
+
+def placed(
+    curves: Curves, transform: Callable[[NDArray[np.float32]], NDArray], scale: float, source: str
+) -> Curves:
+    """A groom elsewhere.
+
+    Parameters
+    ----------
+    transform : callable    points (n, 3) -> points (n, 3)
+    scale : float           factor on radii
+    source : str            the groom's name in messages
+
+    Raises
+    ------
+    GroomError              points or radii that are too large there
+    """
+    points = np.empty_like(curves.points)
+    for begin in range(0, curves.n_points, POINTS_AT_ONCE):
+        part = slice(begin, begin + POINTS_AT_ONCE)
+        points[part] = transform(curves.points[part])
+    return Curves.from_arrays(
+        points,
+        curves.radii * np.float32(scale),
+        curves.offsets,
+        source=source,
+        dropped=curves.dropped,
+        attributes=curves.attributes,
+        ignored=curves.ignored,
+    )
 
 
 def _starts(sizes: Sequence[int]) -> list[int]:

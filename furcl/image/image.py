@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from furcl.errors import ImageError
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
 from furcl.image.exr import read_exr, rgb_of, to_rec709_of, write_exr
-from furcl.image.size import Window
+from furcl.image.size import Window, strips
 from furcl.values import shown
 
 SUFFIXES = (".exr", ".png")
@@ -28,6 +28,7 @@ HEADER_KEYS = (
     "features",
 )  # fmt: skip
 STATS_ATTRIBUTE = "furcl:stats"
+EXPOSURE_ATTRIBUTE = "furcl:exposure_stops"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,14 +105,17 @@ class Image:
         """Root of the variance, mean of the channels, (H, W); None if unknown."""
         if self.variance is None:
             return None
-        return np.sqrt(self.variance.mean(axis=2, dtype=np.float64)).astype(np.float32)
+        out = np.empty(self.variance.shape[:2], np.float32)
+        for rows in strips(self.height, self.width):
+            out[rows] = np.sqrt(self.variance[rows].mean(axis=2, dtype=np.float64))
+        return out
 
     @classmethod
     def load(cls, path: str | Path) -> Image:
         """Read a picture from an OpenEXR file with channels R, G, B (or Y).
 
-        The variance is read where there is one, and so are the numbers of samples, and the
-        statistics where furcl wrote the file.
+        The variance is read where there is one, and so are the numbers of samples; statistics and
+        exposure where furcl wrote the file.
 
         Raises
         ------
@@ -137,16 +141,25 @@ class Image:
                 f"save the picture again"
             ) from None
         samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
+        if samples is not None and variance is not None:
+            variance[samples == 1] = np.nan
+        stops = header.get(EXPOSURE_ATTRIBUTE, 0.0)
+        if not (isinstance(stops, float) and math.isfinite(stops)):
+            raise ImageError(
+                f"{path}: the header attribute {EXPOSURE_ATTRIBUTE} is {shown(stops)}, no number; "
+                f"the file was edited, save the picture again"
+            )
         loaded = cls(
             rgb_of(channels, header, path),
             variance,
             stats,
-            samples=samples,
+            stops,
+            samples,
             layers={name: channels[name] for name in stats.get("layers", ()) if name in channels},
             attributes={k: v for k, v in header.items() if k.startswith("cryptomatte/")},
             transparent=bool(stats.get("transparent", False)),
         )
-        if not isinstance(stats, dict) or "crop" not in stats:
+        if "crop" not in stats:
             return loaded
         try:
             return loaded.cropped(*stats["crop"])
@@ -185,8 +198,9 @@ class Image:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
         `exposure_stops`).
 
-        Where pixels have different numbers of samples, the .exr has the layers `samples` and
-        `error`, which is the standard error; else `spp` in the header says it all.
+        Where pixels have different numbers of samples, or fewer than two, the .exr has the layers
+        `samples` and `error`, which is the standard error; else `spp` in the header says it all.
+        Variance and error of fewer than two samples are written as 0, and left out if all are.
 
         The file appears whole or not at all; an older one of that name is kept until then.
 
@@ -205,44 +219,64 @@ class Image:
         try:
             with atomic_path(path) as temporary:
                 if path.suffix.lower() == ".png":
-                    temporary.write_bytes(self.png_bytes())
+                    with temporary.open("wb") as file:
+                        self._write_png(file)
                 else:
-                    header = {**_header(self.stats), **self.attributes}
+                    exposure = {EXPOSURE_ATTRIBUTE: float(self.exposure_stops)}
+                    header = {**_header(self.stats), **exposure, **self.attributes}
                     write_exr(temporary, self._channels(), header, self.window)
         except OSError as error:
             raise ImageError(f"{path}: cannot be written: {error.strerror}") from None
 
     def png_bytes(self) -> bytes:
         """The picture as an 8 bit sRGB PNG file; values above 1 after exposure are cut."""
+        stream = io.BytesIO()
+        self._write_png(stream)
+        return stream.getvalue()
+
+    def _write_png(self, file: BinaryIO) -> None:
         from PIL import Image as PillowImage
 
-        linear = self.rgb.astype(np.float64) * 2.0**self.exposure_stops
         alpha = self.layers.get("A") if self.transparent else None
-        if alpha is not None:  # PNG keeps colours as they are without what is behind
-            linear /= np.maximum(alpha, np.finfo(np.float32).tiny)[..., None]
-        encoded = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
-        if alpha is not None:
-            encoded = np.concatenate([encoded, alpha[..., None]], axis=2)
-        stream = io.BytesIO()
-        mode = "RGB" if alpha is None else "RGBA"
-        PillowImage.fromarray(np.rint(encoded * 255.0).astype(np.uint8), mode).save(stream, "PNG")
-        return stream.getvalue()
+        encoded = np.empty((*self.rgb.shape[:2], 3 if alpha is None else 4), np.uint8)
+        for rows in strips(self.height, self.width):
+            linear = self.rgb[rows].astype(np.float64) * 2.0**self.exposure_stops
+            if alpha is not None:  # PNG keeps the colours of what covers a part of a pixel
+                linear /= np.maximum(alpha[rows], np.finfo(np.float32).tiny)[..., None]
+                encoded[rows, :, 3] = np.rint(alpha[rows] * 255.0).astype(np.uint8)
+            srgb = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
+            encoded[rows, :, :3] = np.rint(srgb * 255.0).astype(np.uint8)
+        PillowImage.fromarray(encoded, "RGB" if alpha is None else "RGBA").save(file, "PNG")
 
     def _repr_png_(self) -> bytes:
         return self.png_bytes()
 
     def _channels(self) -> dict[str, NDArray[np.float32]]:
+        """What files hold: no NaN, so 0 where the variance of a pixel is not known."""
         channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
+        errors: dict[str, NDArray[np.float32] | None] = {}
         if self.variance is not None:
-            channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
-        fewest, most = (0, 0) if self.samples is None else (self.samples.min(), self.samples.max())
-        if self.samples is not None and (fewest == 0 or fewest < most):
-            channels["samples"] = self.samples.astype(np.float32)
-            if self.standard_error is not None:
-                channels["error"] = self.standard_error
-        if self.samples is not None and fewest == 0:
-            channels["A"] = (self.samples > 0).astype(np.float32)
-        return {**channels, **self.layers}
+            errors = {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
+        counts = self.samples
+        if counts is not None:
+            fewest, most = counts.min(), counts.max()
+            if fewest < 2 or fewest < most:
+                channels["samples"] = counts.astype(np.float32)
+                errors["error"] = self.standard_error
+            if fewest == 0:
+                channels["A"] = (counts > 0).astype(np.float32)
+            if most < 2:
+                errors = {}
+            elif fewest < 2:
+                errors = {name: _zero(values, counts < 2) for name, values in errors.items()}
+        known = {name: values for name, values in errors.items() if values is not None}
+        return {**channels, **known, **self.layers}
+
+
+def _zero(
+    values: NDArray[np.float32] | None, where: NDArray[np.bool_]
+) -> NDArray[np.float32] | None:
+    return None if values is None else np.where(where, np.float32(0.0), values)
 
 
 def _header(stats: Mapping[str, Any]) -> dict[str, Any]:

@@ -20,9 +20,11 @@ from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.image.size import Window
 from furcl.rendering.arguments import check_curves, check_stops
+from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
 from furcl.rendering.specialise import summary
+from furcl.rendering.state import read_header
 from furcl.rendering.statistics import statistics
 from furcl.rendering.target import Target
 from furcl.rendering.wavefront import QueueLengths
@@ -181,18 +183,20 @@ class Renderer:
 
     def advance(
         self,
-        spp: int,
+        spp: int | None = None,
         progress: Progress | None = None,
         time_limit: float | None = None,
     ) -> bool:
-        """Add `spp` samples to every pixel, on average where they take different numbers.
+        """Add `spp` samples to every pixel, on average where they take different numbers; None:
+        what is missing of the scene's number, where progress counts all paths.
 
         Stops between two waves when `time_limit` [s] of rendering is over or `progress` returns
         true; pixels may then differ by one sample, with a plan by those of a step, which the film
         knows. Returns whether all samples were added; with a target, whether it is reached.
         """
-        start, first, reached = time.perf_counter(), self.paths_done, False
-        end = first + spp * self.n_pixels
+        start, reached = time.perf_counter(), False
+        first = 0 if spp is None else self.paths_done
+        end = first + (self.scene.render.spp if spp is None else spp) * self.n_pixels
         try:
             while self.paths_done < end:
                 if time_limit is not None and time.perf_counter() - start >= time_limit:
@@ -208,11 +212,11 @@ class Renderer:
                 self.paths_done += int(wave["n_paths"])
                 self._learn()
                 if self.rays - self._rays_with_lobes > RAYS_PER_LOBE_COUNT:
-                    self._count_lobes()
+                    self.count_lobes()
                 expected = self._end_expected(end)
                 if progress and progress(self.paths_done - first, expected - first):
                     break
-            self._count_lobes()
+            self.count_lobes()
             self.device.queue.finish()
         finally:
             passed = time.perf_counter() - start
@@ -272,11 +276,15 @@ class Renderer:
         self.misses += int(counts[layout.COUNT_MISSES])
         return active
 
-    def _count_lobes(self) -> None:
+    def count_lobes(self) -> None:
         """Take the counts of chosen lobes over from the device."""
         if self.features.statistics:
             for mine, read in zip(self.lobe_counts, self.wavefront.read_lobe_counts(), strict=True):
                 mine += read
+        self.lobes_are_counted()
+
+    def lobes_are_counted(self) -> None:
+        """The rays so far have their lobes in `lobe_counts`."""
         self._rays_with_lobes = self.rays
 
     def _next_wave(self, end: int) -> tuple[np.ndarray, int]:
@@ -305,12 +313,12 @@ class Renderer:
         channels, attributes = layers.read(samples) if layers else ({}, {})
         stats = self.stats()
         stats["layers"] = sorted(channels)
-        stats["error"] = estimated_errors(mean, variance)
+        stats["error"] = None if empty.any() else estimated_errors(mean, variance)
         stats["samples"] = {"min": int(samples.min()), "max": int(samples.max())}
         stats["pixels_without_samples"] = int(empty.sum())
         return Image(
             rgb=mean,
-            variance=variance,
+            variance=variance if self.features.variance else None,
             stats=stats,
             exposure_stops=self.scene.film.exposure_stops,
             samples=samples,
@@ -339,6 +347,9 @@ def render(
     target_relmse: float | None = None,
     wave_size: int | None = None,
     curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+    checkpoint: str | os.PathLike | None = None,
+    checkpoint_minutes: float | None = None,
+    resume: str | os.PathLike | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -358,6 +369,12 @@ def render(
                                         a constant of the kind of device
     curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
                                         on their way
+    checkpoint : path or None           file that keeps the render where `progress` stops it, to
+                                        go on from; with `checkpoint_minutes` also where it ends
+    checkpoint_minutes : float or None  keep it so often too, against kills and power failures
+    resume : path or None               go on from such a file, to the bits of a render that never
+                                        stopped; spp may be larger than there where all pixels take
+                                        the same number of samples
 
     Returns
     -------
@@ -367,9 +384,12 @@ def render(
 
     Raises
     ------
-    SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError
+    SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError,
+    CheckpointError
     """
     check_stops(progress, time_limit)
+    check_checkpoints(checkpoint, checkpoint_minutes)
+    saved = None if resume is None else read_header(resume)
     if not isinstance(scene, Scene):
         from furcl.scene.read import load_scene
 
@@ -383,14 +403,23 @@ def render(
         "%s",
         summary(renderer.material, renderer.memory.total_bytes, renderer.seconds["compile"]),
     )
-    return finished(renderer, progress, time_limit)
+    if saved:
+        go_on(renderer, curves, saved)
+    kept = None
+    if checkpoint is not None:
+        kept = Checkpoints(renderer, curves, checkpoint, checkpoint_minutes)
+        progress = kept.watching(progress)
+    image = finished(renderer, progress, time_limit)
+    if kept:
+        kept.end()
+    return image
 
 
 def finished(
     renderer: Renderer, progress: Progress | None = None, time_limit: float | None = None
 ) -> Image:
     """The picture with all samples of its scene, or those that there are when it is stopped."""
-    complete = renderer.advance(renderer.scene.render.spp, progress, time_limit)
+    complete = renderer.advance(None, progress, time_limit)
     image = renderer.image()
     image.stats["complete"] = complete
     image.stats["target"] = renderer.target.as_dict() if renderer.target else None

@@ -21,7 +21,7 @@ from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
 from furcl.groom.joined import Grooms
-from furcl.light.model import Light
+from furcl.light.lights import Lights
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
@@ -105,9 +105,9 @@ def set_up(
     GroomError, SceneError, ResourceError, KernelBuildError
     """
     timed = Timer()
-    light = scene.build_light()
+    lights = scene.build_lights()
     fibres = scene.build_fibres()
-    features = scene_features(scene, list(fibres.values()), light, with_target)
+    features = scene_features(scene, list(fibres.values()), lights, with_target)
     if not specialised:
         features = everything_on(features)
 
@@ -143,7 +143,7 @@ def set_up(
         window = scene.film.window
         film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, materials, light, film, grown, size)
+            wavefront = _wavefront(memory, scene, features, materials, lights, film, grown, size)
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -169,7 +169,7 @@ def set_up(
         learning,
         size,
         built.n_segments,
-        light.n_negative,
+        lights.n_negative,
         timed.seconds,
     )
 
@@ -211,15 +211,15 @@ def _wavefront(
     scene: Scene,
     features: Features,
     materials: list[FibreMaterial],
-    light: Light,
+    lights: Lights,
     film: Film,
     curves: Curves,
     size: WaveSize,
 ) -> Wavefront:
     """Compile the kernels and allocate what they work on."""
-    buffer: cl.Buffer = index_checks.upload(
-        memory, "light", light.device_buffer(features.light_sampling), features.debug
-    )
+    middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
+    light = lights.device_buffer(features.light_sampling, middle)
+    buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
     return Wavefront(
         memory,
         features,

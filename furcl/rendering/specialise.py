@@ -10,7 +10,8 @@ from furcl.device.layout import LAYERS
 from furcl.errors import SceneError
 from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
 from furcl.fibre.model import model_of
-from furcl.light.model import Light
+from furcl.light.lamps.layout import LampsPart
+from furcl.light.lights import Lights
 from furcl.rendering.layers import LayerPart
 from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
@@ -19,7 +20,7 @@ from furcl.surface.kinds import ABSENT
 
 
 def scene_features(
-    scene: Scene, fibres: Sequence[Any], light: Light, with_target: bool = False
+    scene: Scene, fibres: Sequence[Any], lights: Lights, with_target: bool = False
 ) -> Features:
     """What the kernels of a scene, with what is built from it, need, whatever the grooms are.
 
@@ -40,22 +41,23 @@ def scene_features(
             f"scene {scene.name!r}: render.variance = false: {wants} needs the variance; set it to "
             f"true or leave it out"
         )
-    if render.light_sampling == "bcsdf" and not light.at_infinity:
+    if render.light_sampling == "bcsdf" and lights.hidden:
         raise SceneError(
             f"scene {scene.name!r}: render.light_sampling = 'bcsdf' never finds a light of kind "
-            f"{light.kind!r}; allowed are 'mis' and 'auto'"
+            f"{lights.hidden[0]!r}; allowed are 'mis' and 'auto'"
         )
     light_sampling = render.light_sampling == "mis" or (
-        render.light_sampling == "auto" and (light.worth_sampling or not light.at_infinity)
+        render.light_sampling == "auto" and lights.worth_sampling
     )
-    grey = all(model_of(fibre).is_grey(fibre) for fibre in fibres) and light.grey
+    grey = all(model_of(fibre).is_grey(fibre) for fibre in fibres) and lights.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
         layers=_layers(scene, fibres),
         transparent=scene.film.background == "transparent",
-        light=light.part(),
+        light=lights.environment_part,
+        lamps=lights.lamps_part,
         surface=scene.body.part if scene.body is not None else None,
         fibres=len(fibres),
         channels=1 if grey else 3,
@@ -97,6 +99,7 @@ def everything_on(features: Features) -> Features:
         channels=3,
         light_sampling=True,
         point_radii=True,
+        lamps=features.lamps.everything_on() if isinstance(features.lamps, LampsPart) else None,
         surface=features.surface or ABSENT.part,
         lens=True,
         crop=True,
@@ -115,9 +118,11 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     return {
         **material.fibre_features.optional(),
         "colour": (features.channels == 3, "fibres, light and body are grey: one channel"),
-        "light_sampling": (features.light_sampling, "the environment is not sampled"),
+        "light_sampling": (features.light_sampling, "the light is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
+        "environment": (features.light is not None, "the scene has no environment"),
+        "lamps": (features.lamps is not None, "the scene has no lamps"),
         "orthographic": (features.orthographic, "the camera has a perspective"),
         "transparent": (features.transparent, "the light behind the scene is seen"),
         "layers": (features.layers is not None, "film.layers asks for none"),

@@ -168,6 +168,7 @@ class Wavefront:
         self.fibres = [FibreStages(memory, m, i) for i, m in enumerate(materials)]
         self._surface = [] if features.surface is None else [surface]
         self.light = light
+        self._lamps = [light] if features.area_lamps else []
         self.camera = camera
         self.film = film
         n_slots = layout.whole_blocks(n_slots)
@@ -304,6 +305,7 @@ class Wavefront:
             *self.geometry,
             *self._starts,
             *self._surface,
+            *self._lamps,
         )
 
     def add_first_hits(self, wave: np.ndarray, n_pixels: int) -> None:
@@ -414,6 +416,7 @@ class Wavefront:
                 self.n_slots,
                 *self.geometry,
                 *self._surface,
+                *self._lamps,
                 *([np.uint32(depth)] if self.features.has_layer("lobes") else []),
             )
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Iterable
+from errno import ENAMETOOLONG, ENOENT, ENOTDIR
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from furcl.errors import FibreError, SceneError
-from furcl.files import is_file, named
+from furcl.files import check_regular, named, open_regular
 from furcl.paths import scene_folder
 from furcl.scene.camera import Camera
 from furcl.scene.document import MAX_BYTES, parse_toml
@@ -19,7 +20,9 @@ from furcl.scene.overrides import Document, absolute_files, apply_overrides, key
 from furcl.scene.refusal import check_tables, refuse_missing, refuse_value
 from furcl.scene.schema import files_in, named_tables
 from furcl.scene.tables import NAMED, Groom, Keys, Scene, kinds_at
-from furcl.values import shown
+from furcl.values import printable, shown
+
+LONGEST_NAME = 255
 
 
 def find_scene(name: str | os.PathLike[str]) -> Path:
@@ -61,15 +64,15 @@ def load_scene(
     path = find_scene(path)
     document = named_lists(_read(path), str(path))
     absolute_files(document, path.absolute().parent)
-    document.setdefault("name", path.stem)
+    document.setdefault("name", printable(path.stem))
     document = apply_overrides(document, [*overrides, *keyword_overrides(keywords)])
     return decode_scene(document, str(path))
 
 
 def _read(path: Path) -> Document:
     try:
-        with path.open("rb") as file:
-            return parse_toml(file.read(MAX_BYTES + 1).decode("utf-8"))
+        with open_regular(path) as file:
+            return parse_toml(file.read(MAX_BYTES + 1).decode("utf-8-sig"))
     except FileNotFoundError:
         raise SceneError(f"{path}: there is no such scene file; {_where_else(path)}") from None
     except OSError as error:
@@ -120,18 +123,35 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
     document = named_lists(document, source)
     document = {name: _with_kinds(table, (name,)) for name, table in document.items()}
     check_tables(document, source)
+    _check_name(document.get("name"), source)
     scene = _decoded(document, Scene, (), document, source)
     for keys, table in files_in(document):
         name = table[keys[-1]]
-        if not is_file(name):
+        try:
+            check_regular(name)
+        except (OSError, ValueError) as error:  # of names that no file can have
+            absent = getattr(error, "errno", None) in (None, ENOENT, ENOTDIR, ENAMETOOLONG)
+            reason = "there is no such file" if absent else getattr(error, "strerror", "")
             raise SceneError(
-                f"{source}: {'.'.join(keys)} = {shown(name)}: there is no such file; correct "
-                f"the path (relative ones are sought beside the scene file, those of --set where "
-                f"you are)"
-            )
+                f"{source}: {'.'.join(keys)} = {shown(name)}: {reason}; correct the path (relative "
+                f"ones are sought beside the scene file, those of --set where you are)"
+            ) from None
+    if scene.environment is None and not scene.lamp:
+        raise SceneError(
+            f"{source}: environment is missing; add it or a lamp to the file, or give --set "
+            f"environment.kind=constant"
+        )
     _check_grooms(scene, source)
     _check_cameras(scene, source)
     return scene
+
+
+def _check_name(name: object, source: str) -> None:
+    """Refuse a scene's name that a line of text cannot show, in logs, tables and headers."""
+    if isinstance(name, str) and (len(name) > LONGEST_NAME or printable(name) != name):
+        raise SceneError(
+            f"{source}: name = {shown(name)}: expected at most {LONGEST_NAME} printable characters"
+        )
 
 
 def named_lists(document: Document, source: str) -> Document:

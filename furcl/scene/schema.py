@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 import msgspec
@@ -75,7 +76,11 @@ def allows_none(hint: Any) -> bool:
 
 def choices(hint: Any) -> tuple[str, ...]:
     """The words that a type allows; none if it is no choice of words."""
-    literals = [part for part in _parts(hint) if typing.get_origin(part) is Literal]
+    each = [
+        typing.get_args(part)[0] if Ellipsis in typing.get_args(part) else part
+        for part in _parts(hint)
+    ]
+    literals = [part for part in each if typing.get_origin(part) is Literal]
     return tuple(word for literal in literals for word in typing.get_args(literal))
 
 
@@ -99,6 +104,11 @@ def files_in(document: object, where: Keys = ()) -> Iterator[tuple[Keys, dict[st
         if isinstance(value, str) and (key == "file" or key.endswith("_file")):
             yield (*where, key), document
         yield from files_in(value, (*where, key))
+
+
+def files_of(scene: Scene) -> list[Path]:
+    """The files that a scene names."""
+    return [Path(table[keys[-1]]) for keys, table in files_in(msgspec.to_builtins(scene))]
 
 
 def _parts(hint: Any) -> list[Any]:

@@ -88,6 +88,9 @@ __kernel void add_first_hits(
     const uint pixel = film_pixel(&wave, slots.pixel);
     for (uint slot = slots.first; slot < slots.end; slot += slots.step) {
         if (path_uint(paths, PS_HIT_SEGMENT, slot) == FURCL_NO_SEGMENT) continue;
+#if FURCL_AREA_LAMPS
+        if (path_uint(paths, PS_HIT_SEGMENT, slot) == FURCL_LAMP_HIT) continue;
+#endif
         const FirstHit hit = first_hit(paths, slot, &groom
 #if FURCL_SURFACE
             , &surface

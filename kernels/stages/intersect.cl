@@ -1,10 +1,13 @@
-/* Stage 2. Rays against the groom and the surface.
+/* Stage 2. Rays against the groom, the surface and the lamps.
 
    A work-item takes FURCL_RAYS_PER_ITEM rays; the vectors are inside a ray (eight lanes at a time). */
 #include "bvh/traversal.clh"
 #include "core/paths.clh"
 #if FURCL_SURFACE
 #include <surface>
+#endif
+#if FURCL_AREA_LAMPS
+#include <lamps>
 #endif
 
 /* What the rays of a kernel are read from and what becomes of them. */
@@ -19,6 +22,9 @@ typedef struct {
 #endif
 #if FURCL_SURFACE
     const SurfaceParams* surface;
+#endif
+#if FURCL_AREA_LAMPS
+    __global const float* light;
 #endif
 #if FURCL_LAYER_LOBES
     uint depth;
@@ -46,13 +52,25 @@ static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit
 #if FURCL_SURFACE
     surface_hit(rays->surface, query, hit);
 #endif
+#if FURCL_AREA_LAMPS
+    lamps_hit(rays->light, query, FURCL_NO_LAMP, hit);
+#endif
 }
 
 static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
-    if (hit->segment == FURCL_NO_SEGMENT) {
+    bool ends = hit->segment == FURCL_NO_SEGMENT;
+#if FURCL_AREA_LAMPS
+    ends |= hit->segment == FURCL_LAMP_HIT;
+#endif
+    if (ends) {
+#if FURCL_AREA_LAMPS
+        set_path_uint(paths, PS_HIT_SEGMENT, slot, hit->segment);
+        set_path_float(paths, PS_HIT_U, slot, hit->u);
+        set_path_float(paths, PS_HIT_T, slot, hit->t);
+#endif
         const uint place = atomic_inc(rays->counts + FURCL_COUNT_MISSES);
         rays->miss_queue[FURCL_SLOT(paths, place)] = slot;
         return;
@@ -74,7 +92,8 @@ static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 /* Finds what the ray of every path meets first.
 
    reads    state: ORIGIN, DIR, FROM_SEGMENT; the groom; active_counts: COUNT_NEXT of the bounce before
-   writes   state: HIT_*; the hit queue of each material, the miss queue and their lengths in counts
+   writes   state: HIT_*; the hit queue of each material, the miss queue, where lamps are too, and their
+            lengths in counts
    over     the queue of paths that go on, FURCL_RAYS_PER_ITEM a work-item
    next     shade_escaped over the miss queue; for each material sample_lobe_h and shade, or
             shade_surface, over its hit queue */
@@ -88,6 +107,9 @@ __kernel void intersect_closest(
 #endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
+#endif
+#if FURCL_AREA_LAMPS
+    , __global const float* light
 #endif
     )
 {
@@ -104,12 +126,15 @@ __kernel void intersect_closest(
 #if FURCL_SURFACE
     rays.surface = &surface;
 #endif
+#if FURCL_AREA_LAMPS
+    rays.light = light;
+#endif
     TRACE_RAYS(&groom, active_counts[FURCL_COUNT_NEXT], false, load_path_ray, store_path_hit, &rays);
 }
 
 #if FURCL_LIGHT_SAMPLING
 
-/* A surface in the way ends the search for fibres where it begins. */
+/* A surface or lamp in the way ends the search for fibres where it begins. */
 static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
     const Paths paths = rays->paths;
@@ -117,12 +142,15 @@ static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, H
     *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_SHADOW_DIR, slot),
                      path_uint(paths, PS_FROM_SEGMENT, slot)};
     float distance = INFINITY;
-#if !FURCL_LIGHT_AT_INFINITY
+#if FURCL_SHADOW_DISTANCES
     distance = path_float(paths, PS_SHADOW_DISTANCE, slot);
 #endif
     *hit = (Hit){distance, 0.0f, FURCL_NO_SEGMENT};
 #if FURCL_SURFACE
     if (surface_hit(rays->surface, query, hit)) hit->t = 0.0f;
+#endif
+#if FURCL_AREA_LAMPS
+    if (lamps_hit(rays->light, query, path_uint(paths, PS_SHADOW_LAMP, slot), hit)) hit->t = 0.0f;
 #endif
 }
 
@@ -152,6 +180,9 @@ __kernel void intersect_shadow(
 #if FURCL_SURFACE
     , const SurfaceParams surface
 #endif
+#if FURCL_AREA_LAMPS
+    , __global const float* light
+#endif
 #if FURCL_LAYER_LOBES
     , const uint depth
 #endif
@@ -166,6 +197,9 @@ __kernel void intersect_shadow(
 #endif
 #if FURCL_SURFACE
     rays.surface = &surface;
+#endif
+#if FURCL_AREA_LAMPS
+    rays.light = light;
 #endif
     TRACE_RAYS(&groom, counts[FURCL_COUNT_SHADOWS], true, load_shadow_ray, store_shadow_hit, &rays);
 }

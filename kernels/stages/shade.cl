@@ -3,7 +3,7 @@
 #include "fibre/sampler.clh"
 #include "geometry/fibre_hits.clh"
 #if FURCL_LIGHT_SAMPLING
-#include <light>
+#include "light/lights.clh"
 #endif
 
 /* The point on the axis and the radius (w) where a path met a fibre. */
@@ -19,16 +19,20 @@ static inline float4 point_on_fibre(Paths paths, uint slot, __global const Store
    (docs/model.md, Light samples). */
 static inline void add_light_sample(
     Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
-    __global const float* light, float4 xi, float3 sampler_xi
+    __global const float* light, float4 xi, float4 choice, float3 sampler_xi
 #if FURCL_LAYER_LOBES
     , Spectrum* of_lobe
 #endif
     )
 {
-    const LightSample sample = light_sample(light, at.xyz, xi.xy);
+    const ChosenLight chosen = choose_light(light, at.xyz, xi.xy, choice);
+    const LightSample sample = chosen.sample;
     const float3 w = frame_angles(frame, sample.direction);
     bounce->light_direction = sample.direction;
     bounce->light_distance = sample.distance;
+#if FURCL_AREA_LAMPS
+    bounce->light_lamp = chosen.lamp;
+#endif
 #if FURCL_LAYER_LOBES
     Spectrum before_lobe[FURCL_LOBES + 1];
 #endif
@@ -38,11 +42,11 @@ static inline void add_light_sample(
 #endif
         );
     bounce->light = sample.pdf > 0.0f
-        ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(towards.pdf))
+        ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
         : spectrum(0.0f);
 #if FURCL_LAYER_LOBES
     const Spectrum scale = sample.pdf > 0.0f
-        ? spectrum_from3(sample.radiance) / (sample.pdf + rival_density(towards.pdf))
+        ? spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
         : spectrum(0.0f);
     for (uint p = 0u; p < FURCL_LOBES; p++)
         of_lobe[p] = (before_lobe[p + 1u] - before_lobe[p]) * scale;
@@ -146,10 +150,15 @@ __kernel void shade(
 #if FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI
             sampler_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_ROULETTE)).yzw;
 #endif
+            float4 choice = (float4)(0.0f);
+#if FURCL_LAMPS
+            choice = light_choice_numbers(wave.seed, pixel, sample, depth);
+#endif
 #if FURCL_LAYER_LOBES
             Spectrum of_lobe[FURCL_LOBES];
 #endif
-            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), sampler_xi
+            add_light_sample(
+                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice, sampler_xi
 #if FURCL_LAYER_LOBES
                 , of_lobe
 #endif

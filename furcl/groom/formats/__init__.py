@@ -9,8 +9,8 @@ from typing import BinaryIO
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.files import atomic_path, named
-from furcl.groom.curves import Curves
+from furcl.files import atomic_path, check_regular, named
+from furcl.groom.curves import Curves, adopted
 from furcl.groom.formats.npz import read_npz, write_npz
 from furcl.groom.formats.yuksel_hair import read_hair, write_hair
 from furcl.values import is_number, shown
@@ -90,6 +90,7 @@ def load_curves(
             )
     read = READERS[_suffix(path, READERS, "reads")]
     try:
+        check_regular(path)
         curves = read(path, default_radius)
     except OSError as error:
         raise GroomError(
@@ -104,7 +105,7 @@ def load_curves(
         return curves
     with np.errstate(over="ignore", under="ignore"):
         radii = curves.radii * np.float32(radius_scale)
-    return Curves.from_arrays(
+    return adopted(
         curves.points,
         radii,
         curves.offsets,

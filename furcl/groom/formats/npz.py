@@ -10,7 +10,7 @@ from numpy.lib import format as npy
 
 from furcl.errors import GroomError
 from furcl.groom.attributes import RESERVED, value_rows
-from furcl.groom.curves import ADVICE, Curves
+from furcl.groom.curves import ADVICE, Curves, adopted
 from furcl.memory import require_memory
 from furcl.values import shown
 
@@ -63,7 +63,7 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
             f"{path}: no array 'points'; expected points (N, 3), radii (N,) or scalar, and "
             "offsets (S+1,) or counts (S,). Save them under these names with numpy.savez."
         )
-    return Curves.from_arrays(
+    return adopted(
         arrays["points"],
         _radii(arrays, default_radius, path),
         _offsets(arrays, path),

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.groom.curves import ADVICE, Curves
+from furcl.groom.curves import ADVICE, Curves, adopted
 from furcl.memory import require_memory
 
 log = logging.getLogger(__name__)
@@ -70,9 +70,7 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
         if sizes["colours"]:
             colours = _read(file, "<f4", 3 * n_points, path).reshape(n_points, 3)
     dropped = {"transparency_values": n_points if sizes["transparency"] else 0}
-    return Curves.from_arrays(
-        points, radii, offsets, source=str(path), colours=colours, dropped=dropped
-    )
+    return adopted(points, radii, offsets, source=str(path), colours=colours, dropped=dropped)
 
 
 def write_hair(curves: Curves, file: BinaryIO, path: Path) -> None:
