@@ -24,8 +24,9 @@ from furcl.rendering.renderer import Renderer
 from furcl.scene.read import decode_scene, with_overrides
 
 SPP = 8
-# Of the largest coordinate of the scene, 3: a float32 sum of a few products.
-TOLERANCE = 2e-5
+# Of coordinates up to 3. Measured: 3e-7 at fibres, 6e-5 where a ray grazes the body, whose float32
+# distance is a root of a difference.
+TOLERANCE = {"fibres": 2e-6, "body": 3e-4}
 
 
 def with_layers(scene, *names):
@@ -51,6 +52,7 @@ class Recorded:
     fibre : (n,) bool       whether that is a fibre
     values : dict           layer -> (n, k) float64
     strand : (n,)           number; -1: none
+    joint : (n,) bool       whether it meets a fibre where two segments join, which are equally near
     """
 
     def __init__(self, scene, device, monkeypatch) -> None:
@@ -95,6 +97,7 @@ class Recorded:
         self.hit = self.fibre.copy()
         n = len(origin)
         position, normal, tangent = np.zeros((3, n, 3))
+        self.joint = self.fibre & ((u < 1e-6) | (u > 1.0 - 1e-6))
         f = np.flatnonzero(self.fibre)
         axis = segments.axis[segment[f]]
         position[f] = segments.start[segment[f]] + u[f, None] * axis
@@ -171,7 +174,11 @@ def errors(device, monkeypatch, scene=None) -> dict[str, float]:
         if layer == "depth":
             expected[hits == 0] = NO_DEPTH
         got = np.stack([layers[name] for name in names], 1)
-        out[layer] = float(np.abs(got - expected).max())
+        smooth = np.full(len(hits), True)
+        if layer in ("normal", "tangent"):
+            smooth = found.count(found.joint) == 0
+            assert smooth.mean() > 0.5
+        out[layer] = float(np.abs(got - expected)[smooth].max())
     nearest = found.nearest()
     out["strand"] = float((layers["strand"] != nearest).mean())
     out["groom"] = float((layers["groom"] != np.minimum(nearest, 0)).mean())
@@ -189,7 +196,9 @@ def matte_error(found, name, ids) -> float:
     ]
     worst, few = 0.0, distinct(found, ids) <= RANKS
     assert few.mean() > 0.5
-    names = {f"groom1/{i}": i for i in range(1000)} | {"groom1": -1.0, "body": -2.0}
+    names = {
+        text: -2.0 if text == "body" else float(text.partition("/")[2] or -1) for text in manifest
+    }
     if {names[text] for text in manifest} != {i for i in ids[found.hit].tolist() if i != -1} | (
         {-1.0} if name == "CryptoObject" else set()
     ):
@@ -214,14 +223,14 @@ def distinct(found, ids) -> np.ndarray:
     return np.bincount(pairs[:, 0].astype(int), minlength=found.shape[0] * found.shape[1])
 
 
-@pytest.mark.parametrize("body", [True, False])
+@pytest.mark.parametrize("body", TOLERANCE)
 @pytest.mark.parametrize("lens", [0.0, 0.05])
 def test_layers_of_first_hits_are_the_hosts(device, monkeypatch, body, lens):
-    scene = with_overrides(patch(), [f"camera.aperture_radius={lens}"])
-    if not body:
-        scene = with_overrides(fur_patch(spp=SPP), [f"camera.aperture_radius={lens}"])
+    scene = with_overrides(
+        patch() if body == "body" else fur_patch(spp=SPP), [f"camera.aperture_radius={lens}"]
+    )
     found = errors(device, monkeypatch, scene)
-    assert max(found.values()) < TOLERANCE, found
+    assert max(found.values()) < TOLERANCE[body], found
 
 
 MUTANTS = {
@@ -242,7 +251,7 @@ MUTANTS = {
 def test_layers_of_other_hits_are_not(device, monkeypatch, name):
     """Mutants of the test above."""
     substitute(monkeypatch, *MUTANTS[name], "stages/first_hits.cl")
-    assert errors(device, monkeypatch)[name] > 100 * TOLERANCE
+    assert errors(device, monkeypatch)[name] > 30 * TOLERANCE["body"]
 
 
 def test_a_crowded_pixel_keeps_the_ids_that_cover_most(device):

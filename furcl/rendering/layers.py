@@ -172,6 +172,10 @@ class LayerBuffers:
         every = (self.first_hits, self.light, self.nearest, *self.ranks.values())
         return [buffer for buffer in every if buffer is not None]
 
+    def parts(self) -> dict[str, cl.Buffer]:
+        """All that samples are added to, by name, for checkpoints."""
+        return {f"layers {i}": buffer for i, buffer in enumerate(self.buffers)}
+
     def clear(self, queue: cl.CommandQueue) -> None:
         """Take all samples back out."""
         for buffer in self.buffers:
