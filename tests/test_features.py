@@ -61,6 +61,8 @@ VALUES = {
     "surface": (None, PART),
     "meshes": (None, *(MeshPart(*flags) for flags in itertools.product((False, True), repeat=3))),
     "lens": (False, True),
+    "orthographic": (False, True),
+    "crop": (False, True),
     "filter": FILTERS,
     "sequence": SEQUENCES,
     "roulette": (False, True),
@@ -263,6 +265,8 @@ ABSENT = [
     ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
     ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
     ({"lens": False}, "generate", ("sin_turn",)),
+    ({"crop": False}, "generate", ("p.x += wave->crop_left",)),
+    ({"orthographic": False}, "generate", ("ray.origin += beside",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
     ({"variance": False, "planned": False}, "add_to_film", ("mean_before",)),
@@ -282,8 +286,8 @@ ABSENT = [
 def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
-        "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
-        "fibres": 2,
+        "crop": True, "orthographic": True, "sequence": "sobol", "planned": True, "fibres": 2,
+        "shadow_roulette": True, "learning": LearningPart(),
         "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -29,6 +28,8 @@ from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
 from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
+from furcl.scene.camera import Camera
+from furcl.scene.tables import Film as FilmTable
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
 from furcl.surface.mesh.mesh import Meshes, MeshPart
@@ -146,9 +147,8 @@ def set_up(
         grown = grooms.curves
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
-        film = Film.allocate(
-            memory, scene.film.width, scene.film.height, features, scene.render.spp
-        )
+        window = scene.film.window
+        film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
         with timed("compile"):
             wavefront = _wavefront(
                 memory, scene, features, materials, meshes, lights, film, grown, size
@@ -160,10 +160,12 @@ def set_up(
                     memory,
                     wavefront.learning,
                     grown,
-                    scene.film.width * scene.film.height,
+                    window.n_pixels,
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
                 )
+        if film.layers:
+            film.layers.place(grooms, _surfaces(scene, features), scene.placed_lamps())
         built, mesh_tree = trees.result()
         wavefront.place(built.arguments(), grooms.material_starts(len(materials)), mesh_tree)
     return Setup(
@@ -238,24 +240,43 @@ def _wavefront(
         None if features.surface is None else (scene.body or ABSENT).params(),
         shading,
         buffer,
-        camera_struct(scene, curves, meshes),
+        camera_struct(scene.resolved_camera(curves, meshes), scene.film),
         film,
         curves.n_points,
         size.paths,
     )
 
 
-def camera_struct(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> np.ndarray:
-    """The struct Camera of a scene; frames what is seen where the scene leaves that open."""
-    camera = scene.resolved_camera(curves, meshes)
+def _surfaces(scene: Scene, features: Features) -> list[str]:
+    """Names of what rays meet beside fibres and lamps, as cryptomattes have them."""
+    body = [] if features.surface is None else ["body"]
+    return [*body, *(f"mesh.{name}" for name in scene.mesh)]
+
+
+def camera_struct(camera: Camera, film: FilmTable) -> np.ndarray:
+    """The struct Camera of a resolved camera."""
     origin, right, up, forward = camera.frame()
-    height = math.tan(0.5 * math.radians(camera.vfov_deg))
+    height = camera.half_height
     out = np.zeros((), layout.struct_dtype("Camera"))
     out["origin"][:3] = origin
-    out["right"][:3] = right * height * scene.film.aspect
+    out["right"][:3] = right * height * film.aspect
     out["up"][:3] = up * height
     out["forward"][:3] = forward
     out["aperture_radius"] = camera.aperture_radius
     out["focus_distance"] = camera.focus_distance or 0.0
-    out["filter_radius_px"] = scene.film.support_px
+    out["filter_radius_px"] = film.support_px
     return out
+
+
+def wave_struct(scene: Scene, wavefront: Wavefront) -> np.ndarray:
+    """The struct Wave with what all waves of a scene have alike."""
+    wave = np.zeros((), layout.struct_dtype("Wave"))
+    window = scene.film.window
+    wave["width"], wave["height"] = window.width, window.height
+    wave["picture_width"], wave["picture_height"] = window.full_width, window.full_height
+    wave["crop_left"], wave["crop_top"] = window.left, window.top
+    wave["n_slots"] = wavefront.n_slots
+    wave["roulette_depth"] = scene.render.first_roulette
+    wave["roulette_threshold"] = scene.render.survival_threshold
+    wave["shadow_threshold"] = scene.render.shadow_threshold
+    return wave
