@@ -18,7 +18,7 @@ from furcl.device.features import Features
 from furcl.device.layout import Fields, Layer
 from furcl.device.memory import Memory, fill
 from furcl.groom.joined import Grooms
-from furcl.image.cryptomatte import Cryptomatte
+from furcl.image.cryptomatte import Cryptomatte, hash_bits
 
 Array = NDArray[np.float32]
 
@@ -134,6 +134,10 @@ class LayerBuffers:
     ----------
     features : Features     with a part `layers`
 
+    Raises
+    ------
+    ImageError      cryptomatte is asked for and its package is missing
+
     Attributes
     ----------
     first_hits, light : Buffer or None      sums by pixel, float32 (sum, correction) each
@@ -157,6 +161,8 @@ class LayerBuffers:
         self.nearest = allocate(any(n in NEAREST for n in names), "nearest", 2)
         ranks = {name: allocate(name in names, name, 2 * RANKED_IDS) for name in CRYPTOMATTES}
         self.ranks = {name: buffer for name, buffer in ranks.items() if buffer is not None}
+        if self.ranks:
+            hash_bits("")  # says before the work that its package is missing
         # Until `place`, something for kernels that are launched over nothing.
         defines = part.defines()
         self._ids: list[Any] = [self.first_hits] if defines["FURCL_STRAND_IDS"] else []
