@@ -195,6 +195,8 @@ def _state(renderer: Renderer) -> tuple[dict[str, Any], dict[str, Part]]:
         "material hits": renderer.material_hits,
     }
     parts |= {f"lobes of material {i}": counts for i, counts in enumerate(renderer.lobe_counts)}
+    if film.layers:
+        parts |= film.layers.parts()
     if renderer.plan:
         numbers["plan"] = renderer.plan.numbers()
         parts |= renderer.plan.parts()

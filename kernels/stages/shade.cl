@@ -22,7 +22,11 @@ static inline float4 point_on_fibre(Paths paths, uint slot, __global const Store
    (docs/model.md, Light samples). */
 static inline void add_light_sample(
     Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
-    __global const float* light, float4 xi, float4 choice, float3 sampler_xi)
+    __global const float* light, float4 xi, float4 choice, float3 sampler_xi
+#if FURCL_LAYER_LOBES
+    , Spectrum* of_lobe
+#endif
+    )
 {
     const ChosenLight chosen = choose_light(light, at.xyz, xi.xy, choice);
     const LightSample sample = chosen.sample;
@@ -32,11 +36,45 @@ static inline void add_light_sample(
 #if FURCL_AREA_LAMPS
     bounce->light_lamp = chosen.lamp;
 #endif
-    const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi);
+#if FURCL_LAYER_LOBES
+    Spectrum before_lobe[FURCL_LOBES + 1];
+#endif
+    const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi
+#if FURCL_LAYER_LOBES
+        , before_lobe
+#endif
+        );
     bounce->light = sample.pdf > 0.0f
         ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
         : spectrum(0.0f);
+#if FURCL_LAYER_LOBES
+    const Spectrum scale = sample.pdf > 0.0f
+        ? spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
+        : spectrum(0.0f);
+    for (uint p = 0u; p < FURCL_LOBES; p++)
+        of_lobe[p] = (before_lobe[p + 1u] - before_lobe[p]) * scale;
+#endif
 }
+#endif
+
+#if FURCL_LAYER_LOBES
+
+/* The layer of a lobe of the material. */
+static inline uint layer_of_lobe(uint lobe) { return (uint)(FURCL_LAYERS_OF_LOBES >> (4u * lobe)) & 15u; }
+
+#if FURCL_LIGHT_SAMPLING
+/* Keeps the first light sample lobe by lobe, for intersect_shadow to say whether it is seen. */
+static inline void keep_first_light(Paths paths, uint slot, const Spectrum* of_lobe, PathQueues to)
+{
+    for (uint i = 0u; i < FURCL_LOBE_LAYERS; i++)
+        set_path_spectrum(paths, PS_FIRST_LIGHT_0 + FURCL_CHANNELS * i, slot, spectrum(0.0f));
+    for (uint p = 0u; to.shadow && p < FURCL_LOBES; p++)
+        set_path_spectrum(paths, PS_FIRST_LIGHT_0 + FURCL_CHANNELS * layer_of_lobe(p), slot,
+                          of_lobe[p] * to.light_scale);
+    set_path_uint(paths, PS_FIRST_SEEN, slot, 0u);
+}
+#endif
+
 #endif
 
 /* The next ray, of weight 0 where no lobe was chosen. */
@@ -49,6 +87,12 @@ static inline Bounce scatter_at_fibre(
     bounce.from_segment = path_uint(paths, PS_HIT_SEGMENT, slot);
     bounce.weight = spectrum(0.0f);
     const uint lobe = path_uint(paths, PS_LOBE, slot);
+#if FURCL_LIGHT_LAYERS
+    bounce.first = 0u;
+#endif
+#if FURCL_LAYER_LOBES
+    if (lobe < FURCL_LOBES) bounce.first = layer_of_lobe(lobe);
+#endif
     if (lobe >= FURCL_LOBES) return bounce;
     const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, in, path_float(paths, PS_OFFSET_H, slot));
     const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
@@ -128,14 +172,25 @@ __kernel void shade(
             choice = light_choice_numbers(wave.seed, uint_lane(&hits.pixel, k),
                                           uint_lane(&hits.sample, k), depth);
 #endif
-            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
-                             lane4(&ending_xi, k).yzw);
+#if FURCL_LAYER_LOBES
+            Spectrum of_lobe[FURCL_LOBES];
+#endif
+            add_light_sample(
+                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
+                lane4(&ending_xi, k).yzw
+#if FURCL_LAYER_LOBES
+                , of_lobe
+#endif
+                );
 #endif
             const PathQueues to = continue_path(paths, slot, lane(&ending_xi.x, k), &wave, depth, &bounce
 #if FURCL_LEARNING
                 , &learned
 #endif
                 );
+#if FURCL_LAYER_LOBES && FURCL_LIGHT_SAMPLING
+            if (depth == 0u) keep_first_light(paths, slot, of_lobe, to);
+#endif
             if (to.next) append_slot(&next, slot);
             if (to.shadow) append_slot(&shadows, slot);
         }
