@@ -14,7 +14,7 @@ from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
 from furcl.groom.joined import Grooms
-from furcl.scene.tables import Scene
+from furcl.scene.tables import Film, Scene
 from furcl.surface.mesh.mesh import Meshes
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
@@ -48,7 +48,7 @@ def of_scene(scene: Scene) -> dict[str, str]:
     curves = grooms.curves
     return {
         "scene": scene.name,
-        "film": f"{film.width} x {film.height}, {film.filter} filter",
+        "film": f"{film.width} x {film.height}, {film.filter} filter{_crop(film)}",
         **_of_fibres(scene.build_fibres()),
         "environment": _environment(scene),
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
@@ -60,6 +60,11 @@ def of_scene(scene: Scene) -> dict[str, str]:
             for n, said in enumerate(warnings.of_scene(scene, curves, meshes), 1)
         },
     }
+
+
+def _crop(film: Film) -> str:
+    left, top, right, bottom = film.window.box
+    return "" if film.window.whole else f", cropped to {left}, {top} to {right}, {bottom}"
 
 
 def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str]:

@@ -35,7 +35,7 @@ def of_scene(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> Iter
         yield from _of_body(scene.body, camera, points)
     if meshes is not None:
         yield from _of_meshes(meshes, lower, upper)
-    samples = scene.film.width * scene.film.height * scene.render.spp
+    samples = scene.film.window.n_pixels * scene.render.spp
     if samples > LONG_SPP:
         yield f"{samples:.1g} samples of all pixels take hours or days; reduce spp or the film"
 
@@ -63,16 +63,12 @@ def _of_places(lower: Array, upper: Array, points: Array) -> Iterator[str]:
 
 
 def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Iterator[str]:
-    origin, right, up, forward = camera.frame()
-    depth = (points - origin) @ forward
+    x, y, depth = camera.on_film(points, scene.film.aspect)
     in_front = depth > 0.0
-    half = np.tan(np.radians(camera.vfov_deg) / 2.0)
     if not in_front.any():
         yield "the groom is behind the camera; turn the camera, or leave origin and target out"
         return
-    seen, z = points[in_front], depth[in_front]
-    y = (seen - origin) @ up / (half * z)
-    x = (seen - origin) @ right / (half * z * scene.film.aspect)
+    x, y, z = x[in_front], y[in_front], depth[in_front]
     if not ((np.abs(x) < 1.0) & (np.abs(y) < 1.0)).any():
         if x.min() > 1.0 or x.max() < -1.0 or y.min() > 1.0 or y.max() < -1.0:
             yield "the groom is outside the picture; turn the camera, or leave origin out"
@@ -81,7 +77,8 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
     extent = max(float(np.ptp(x)) * scene.film.aspect, float(np.ptp(y))) * height_px
     if extent < SMALL_PX:
         yield f"the groom is {extent:.2g} pixels large in the picture; move the camera closer"
-    radius_px = float(np.median(curves.radii)) / (half * float(np.median(z))) * height_px
+    half = camera.half_height * (1.0 if camera.orthographic else float(np.median(z)))
+    radius_px = float(np.median(curves.radii)) / half * height_px
     if radius_px < THIN_PX:
         yield (
             f"fibres are {2.0 * radius_px:.1g} pixels thick: samples hardly meet them, so the "

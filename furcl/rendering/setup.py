@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -18,17 +18,22 @@ from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
+from furcl.errors import GroomError
 from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
+from furcl.fibre.packed import Packed, bind
 from furcl.groom.curves import Curves
-from furcl.groom.joined import Grooms
+from furcl.groom.joined import Groom, Grooms
 from furcl.light.lights import Lights
+from furcl.rendering.arguments import Given
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
 from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
+from furcl.scene.camera import Camera
+from furcl.scene.tables import Film as FilmTable
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
 from furcl.surface.mesh.mesh import Meshes, MeshPart
@@ -94,7 +99,7 @@ def set_up(
     *,
     wave_size: int | None = None,
     specialised: bool = True,
-    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+    curves: Given = None,
     with_target: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
@@ -107,15 +112,14 @@ def set_up(
     """
     timed = Timer()
     lights = scene.build_lights()
-    fibres, meshes = scene.build_fibres(), scene.build_meshes()
+    fibres = scene.build_fibres()
+    meshes = scene.build_meshes()
     features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
-    if not specialised:
-        features = everything_on(features)
 
     def take_grooms() -> Grooms:
         with timed("curves"):
             given = curves.result() if isinstance(curves, Future) else curves
-            return (scene.build_grooms() if given is None else Grooms.of(given)).traced()
+            return (scene.build_grooms() if given is None else _given(scene, given)).traced()
 
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
@@ -136,18 +140,28 @@ def set_up(
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
+        bound: dict[str, Packed] = {}
+        if any(table.absorption for table in scene.materials().values()):
+            with timed("tables"):
+                bound = _bind(scene, fibres, taken.result())
+            fibres |= {name: _bound_fibre(fibres[name], packed) for name, packed in bound.items()}
+            grey = all(packed.grey for packed in bound.values())
+            features = scene_features(
+                scene, list(fibres.values()), lights, meshes, with_target, grey
+            )
+        if not specialised:
+            features = everything_on(features)
         with timed("tables"):
             materials = [
-                _material(memory, scene, name, fibre, features, specialised)
+                _material(memory, scene, name, fibre, features, specialised, bound.get(name))
                 for name, fibre in fibres.items()
             ]
         grooms = taken.result()
         grown = grooms.curves
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
-        film = Film.allocate(
-            memory, scene.film.width, scene.film.height, features, scene.render.spp
-        )
+        window = scene.film.window
+        film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
         with timed("compile"):
             wavefront = _wavefront(
                 memory, scene, features, materials, meshes, lights, film, grown, size
@@ -159,12 +173,14 @@ def set_up(
                     memory,
                     wavefront.learning,
                     grown,
-                    scene.film.width * scene.film.height,
+                    window.n_pixels,
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
                 )
+        if film.layers:
+            film.layers.place(grooms, _surfaces(scene, features), scene.placed_lamps())
         built, mesh_tree = trees.result()
-        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), meshes=mesh_tree)
+        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), mesh_tree)
     return Setup(
         memory,
         features,
@@ -178,6 +194,24 @@ def set_up(
         lights.n_negative,
         timed.seconds,
     )
+
+
+def _given(scene: Scene, curves: Curves | Grooms) -> Grooms:
+    """The grooms of a scene, where the caller has them.
+
+    Raises
+    ------
+    GroomError      curves for a scene of several grooms
+    """
+    if isinstance(curves, Grooms):
+        return curves
+    names = list(scene.grooms())
+    if len(names) > 1:
+        raise GroomError(
+            f"curves are given, and scene {scene.name!r} has {len(names)} grooms, "
+            f"{', '.join(names)}; give what its build_grooms() returns, or leave curves out"
+        )
+    return Grooms([Groom(names[0], curves)])
 
 
 def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:
@@ -197,19 +231,38 @@ def _material(
     fibre: object,
     features: Features,
     specialised: bool,
+    bound: Packed | None,
 ) -> FibreMaterial:
     """A fibre of the scene on the device."""
+    varies = bound is not None and bound.by != "constant"
     model, residual = model_of(fibre), scene.render.residual
     needed = model.features(fibre, residual=residual)
     return build_material(
         memory,
         fibre,
-        features,
+        features.with_(absorption=bound.by) if bound and varies else features,
         samplers.find(scene.render.sampling),
         fibre_features=needed if specialised else needed.everything_on(),
         drop_lobes=specialised,
         name=name,
+        absorbs=bound.absorbs if bound and varies else None,
+        absorption=bound.words if bound and varies else None,
     )
+
+
+def _bind(scene: Scene, fibres: dict[str, Any], grooms: Grooms) -> dict[str, Packed]:
+    """What differs between the strands of each material that says so."""
+    bound = {}
+    for number, (name, table) in enumerate(scene.materials().items()):
+        if table.absorption and grooms.of_material(number):
+            fibre = fibres[name]
+            bound[name] = bind(table.absorption, model_of(fibre), fibre, grooms, number)
+    return bound
+
+
+def _bound_fibre(fibre: Any, bound: Packed) -> Any:
+    """A fibre with the largest absorption that its strands have."""
+    return model_of(fibre).with_absorption(fibre, bound.sigma)
 
 
 def _wavefront(
@@ -237,24 +290,43 @@ def _wavefront(
         None if features.surface is None else (scene.body or ABSENT).params(),
         shading,
         buffer,
-        camera_struct(scene, curves, meshes),
+        camera_struct(scene.resolved_camera(curves, meshes), scene.film),
         film,
         curves.n_points,
         size.paths,
     )
 
 
-def camera_struct(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> np.ndarray:
-    """The struct Camera of a scene; frames what is seen where the scene leaves that open."""
-    camera = scene.resolved_camera(curves, meshes)
+def _surfaces(scene: Scene, features: Features) -> list[str]:
+    """Names of what rays meet beside fibres and lamps, as cryptomattes have them."""
+    body = [] if features.surface is None else ["body"]
+    return [*body, *(f"mesh.{name}" for name in scene.mesh)]
+
+
+def camera_struct(camera: Camera, film: FilmTable) -> np.ndarray:
+    """The struct Camera of a resolved camera."""
     origin, right, up, forward = camera.frame()
-    height = math.tan(0.5 * math.radians(camera.vfov_deg))
+    height = camera.half_height
     out = np.zeros((), layout.struct_dtype("Camera"))
     out["origin"][:3] = origin
-    out["right"][:3] = right * height * scene.film.aspect
+    out["right"][:3] = right * height * film.aspect
     out["up"][:3] = up * height
     out["forward"][:3] = forward
     out["aperture_radius"] = camera.aperture_radius
     out["focus_distance"] = camera.focus_distance or 0.0
-    out["filter_radius_px"] = scene.film.support_px
+    out["filter_radius_px"] = film.support_px
     return out
+
+
+def wave_struct(scene: Scene, wavefront: Wavefront) -> np.ndarray:
+    """The struct Wave with what all waves of a scene have alike."""
+    wave = np.zeros((), layout.struct_dtype("Wave"))
+    window = scene.film.window
+    wave["width"], wave["height"] = window.width, window.height
+    wave["picture_width"], wave["picture_height"] = window.full_width, window.full_height
+    wave["crop_left"], wave["crop_top"] = window.left, window.top
+    wave["n_slots"] = wavefront.n_slots
+    wave["roulette_depth"] = scene.render.first_roulette
+    wave["roulette_threshold"] = scene.render.survival_threshold
+    wave["shadow_threshold"] = scene.render.shadow_threshold
+    return wave

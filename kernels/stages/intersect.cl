@@ -29,7 +29,21 @@ typedef struct {
 #if FURCL_AREA_LAMPS
     __global const float* light;
 #endif
+#if FURCL_LAYER_LOBES
+    uint depth;
+#endif
 } PathRays;
+
+#if FURCL_FIBRES > 1
+/* The material of the fibre that a vertex belongs to. Strands are in the order of their materials;
+   `starts` are the first vertices of all materials but the first. */
+static inline uint material_of_vertex(__global const uint* starts, uint vertex)
+{
+    uint material = 0u;
+    for (uint i = 0; i < FURCL_FIBRES - 1u; i++) material += vertex >= starts[i] ? 1u : 0u;
+    return material;
+}
+#endif
 
 #if FURCL_LIGHT_SAMPLING
 /* How far a light sample is away. */
@@ -56,17 +70,6 @@ static inline uint segment_left(Paths paths, uint slot)
 #endif
     return from;
 }
-
-#if FURCL_FIBRES > 1
-/* The material of the fibre that a vertex belongs to. Strands are in the order of their materials;
-   `starts` are the first vertices of all materials but the first. */
-static inline uint material_of_vertex(__global const uint* starts, uint vertex)
-{
-    uint material = 0u;
-    for (uint i = 0; i < FURCL_FIBRES - 1u; i++) material += vertex >= starts[i] ? 1u : 0u;
-    return material;
-}
-#endif
 
 static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
@@ -198,6 +201,9 @@ static inline void store_shadow_hit(const PathRays* rays, uint i, const Hit* hit
     const Paths paths = rays->paths;
     if (hit->segment != FURCL_NO_SEGMENT) return;
     const uint slot = queued_slot(paths, rays->queue, i);
+#if FURCL_LAYER_LOBES
+    if (rays->depth == 0u) set_path_uint(paths, PS_FIRST_SEEN, slot, 1u);
+#endif
     set_path_spectrum(paths, PS_RADIANCE, slot,
                       path_spectrum(paths, PS_RADIANCE, slot) +
                           path_spectrum(paths, PS_SHADOW_RADIANCE, slot));
@@ -223,12 +229,18 @@ __kernel void intersect_shadow(
 #if FURCL_AREA_LAMPS
     , __global const float* light
 #endif
+#if FURCL_LAYER_LOBES
+    , const uint depth
+#endif
     )
 {
     const Groom groom = groom_of(blocks, vertices, strands);
     PathRays rays;
     rays.paths = (Paths){state, n_slots};
     rays.queue = shadow_queue;
+#if FURCL_LAYER_LOBES
+    rays.depth = depth;
+#endif
 #if FURCL_SURFACE
     rays.surface = &surface;
 #endif

@@ -20,6 +20,9 @@ static inline Bounce scatter_at_surface(
     bounce.direction = diffuse_sample(at, xi.xy, &pdf);
     bounce.from_segment = at->from_segment;
     bounce.weight = at->albedo;
+#if FURCL_LIGHT_LAYERS
+    bounce.first = FURCL_LOBE_LAYERS;
+#endif
 #if FURCL_LIGHT_SAMPLING
     bounce.pdf = pdf;
     const ChosenLight chosen = choose_light(light, at->position, light_xi.xy, choice);
@@ -97,13 +100,22 @@ __kernel void shade_surface(
 #if FURCL_MESH_EMISSION
         const Spectrum emitted = path_spectrum(paths, PS_THROUGHPUT, slot) * at.emission;
 #endif
-        const PathQueues to = continue_path(paths, slot, p.index, p.sample, &wave, depth, &bounce
+        float ending_xi = 0.0f;
+        if (roulette_plays(&wave, depth))
+            ending_xi =
+                uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_ROULETTE)).x;
+        const PathQueues to = continue_path(paths, slot, ending_xi, &wave, depth, &bounce
 #if FURCL_LEARNING
             , &learned
 #endif
             );
 #if FURCL_MESH_EMISSION
         set_path_spectrum(paths, PS_RADIANCE, slot, path_spectrum(paths, PS_RADIANCE, slot) + emitted);
+#if FURCL_SPLIT_DIRECT
+        /* What is met after one scattering and shines itself: direct light. */
+        if (depth == 1u)
+            set_path_spectrum(paths, PS_DIRECT, slot, path_spectrum(paths, PS_DIRECT, slot) + emitted);
+#endif
 #endif
         if (to.next) append_slot(&next, slot);
         if (to.shadow) append_slot(&shadows, slot);
