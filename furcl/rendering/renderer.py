@@ -328,6 +328,7 @@ class Renderer:
                 "device_peak": self.memory.peak_bytes,
                 "bvh": sum(self.memory.bytes[name] for name in BUFFERS),
                 "tables": self.memory.held("material"),
+                "absorption": self.memory.held("absorption"),
             },
             "wave_size": self.wave_size.paths,
             "wave_size_from": self.wave_size.origin,
