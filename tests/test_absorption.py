@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import msgspec
 import numpy as np
 import pytest
@@ -159,7 +161,7 @@ def test_ramps_follow_the_length_of_the_strand(curves):
     found = values(curves, ramp=((1.0,), (3.0,), (2.0,)), quantity="sigma").reshape(90, 7, 3)
     strands = curves.points.reshape(90, 7, 3).astype(float)
     for strand, got in zip(strands, found, strict=True):
-        steps = [np.linalg.norm(b - a) for a, b in zip(strand, strand[1:], strict=False)]
+        steps = [np.linalg.norm(b - a) for a, b in itertools.pairwise(strand)]
         for k in range(7):
             s = sum(steps[:k]) / sum(steps)
             expected = 1.0 + 4.0 * s if s < 0.5 else 3.0 - 2.0 * (s - 0.5)
@@ -197,7 +199,7 @@ def test_variation_is_by_strand_and_by_seed(rng):
     assert (
         stats.kstest(normal[np.abs(normal) < 2.99], stats.truncnorm(-2.99, 2.99).cdf).pvalue > 1e-3
     )
-    assert stats.kstest(1.05 * normal, stats.norm.cdf).pvalue < 1e-3
+    assert stats.kstest(1.1 * normal, stats.norm.cdf).pvalue < 1e-3
     assert np.abs(normal).max() <= 3.0 + 1e-3
     np.testing.assert_array_equal(of(), found)
     assert not np.array_equal(of(seed=1), found)
