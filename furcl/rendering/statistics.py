@@ -55,6 +55,7 @@ def statistics(renderer: Renderer) -> dict[str, Any]:
             "device_peak": renderer.memory.peak_bytes,
             "bvh": sum(renderer.memory.bytes[name] for name in BUFFERS),
             "tables": renderer.memory.held("material"),
+            "absorption": renderer.memory.held("absorption"),
         },
         "wave_size": renderer.wave_size.paths,
         "wave_size_from": renderer.wave_size.origin,
