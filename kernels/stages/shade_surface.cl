@@ -74,7 +74,11 @@ __kernel void shade_surface(
         light_xi = uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
 #endif
         const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi, choice);
-        const PathQueues to = continue_path(paths, slot, p.index, p.sample, &wave, depth, &bounce
+        float ending_xi = 0.0f;
+        if (roulette_plays(&wave, depth))
+            ending_xi =
+                uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_ROULETTE)).x;
+        const PathQueues to = continue_path(paths, slot, ending_xi, &wave, depth, &bounce
 #if FURCL_LEARNING
             , &learned
 #endif
