@@ -17,13 +17,16 @@ from numpy.typing import NDArray
 from furcl.device.features import Features
 from furcl.device.layout import Fields, Layer
 from furcl.device.memory import Memory, fill
+from furcl.errors import SceneError
 from furcl.groom.joined import Grooms
-from furcl.image.cryptomatte import Cryptomatte
+from furcl.image.cryptomatte import Cryptomatte, hash_bits
 
 Array = NDArray[np.float32]
 
 # Depth where nothing is met, of which mean and nearest mean nothing [unit]; as Blender has it.
 NO_DEPTH = 1e10
+# Whole numbers that float32 holds.
+MOST_STRANDS = 1 << 24
 # Ids of a pixel that are counted, twice as many as are written: one that comes late finds a place.
 RANKS = 6
 RANKED_IDS = 2 * RANKS
@@ -134,6 +137,10 @@ class LayerBuffers:
     ----------
     features : Features     with a part `layers`
 
+    Raises
+    ------
+    ImageError      cryptomatte without the package that it needs
+
     Attributes
     ----------
     first_hits, light : Buffer or None      sums by pixel, float32 (sum, correction) each
@@ -142,6 +149,8 @@ class LayerBuffers:
     def __init__(self, memory: Memory, n_pixels: int, features: Features) -> None:
         part = features.layers
         assert isinstance(part, LayerPart)
+        if any(name in CRYPTOMATTES for name in part.names):
+            hash_bits("")  # says before the render what is missing
         self._memory, self.part, self.features = memory, part, features
         self.n_pixels = n_pixels
 
@@ -188,8 +197,17 @@ class LayerBuffers:
         ----------
         grooms : Grooms             as rays meet them
         surfaces : list of str      names of what else rays meet
+
+        Raises
+        ------
+        SceneError      more strands than whole numbers of float32
         """
         curves = grooms.curves
+        if self.nearest and curves.n_strands > MOST_STRANDS:
+            raise SceneError(
+                f"film.layers has strand or groom: {curves.n_strands} strands; numbers up to "
+                f"{MOST_STRANDS} fit a channel, take cryptomatte_strand instead"
+            )
         self._first_strands = np.array([*grooms.first_strands, curves.n_strands])
         self._names = [*(groom.name for groom in grooms.grooms), *surfaces]
         if self._ids:
