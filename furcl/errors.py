@@ -52,8 +52,16 @@ class BvhError(FurclError):
     """The Embree library cannot be used, or a hierarchy that does not hold its segments."""
 
 
+class MeshError(FurclError):
+    """A mesh that cannot be read or used."""
+
+
 class ImageError(FurclError):
     """An image file that cannot be read, written or compared."""
+
+
+class CheckpointError(FurclError):
+    """A render that cannot be kept or gone on with as asked."""
 
 
 class BenchError(FurclError):

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from furcl.cli.console import progress_report
+from furcl.cli.frames import check_frames, render_all
 from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
     SAMPLER_FILE,
@@ -39,6 +40,9 @@ def render(
     ] = None,
     sampler: Annotated[Path | None, SAMPLER_FILE] = None,
     max_depth: Annotated[int | None, typer.Option(help="Longest path, in bounces.")] = None,
+    camera: Annotated[
+        str | None, typer.Option(help="Name of a camera, of a scene with several.")
+    ] = None,
     device: DeviceName = None,
     time_limit: Annotated[
         float | None, typer.Option(help="Stop after so many seconds and write what is there.")
@@ -51,14 +55,34 @@ def render(
         float | None, typer.Option(help="Stop at this relMSE, as estimated; --spp limits it.")
     ] = None,
     stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
+    checkpoint: Annotated[
+        float | None,
+        typer.Option(help="Keep the render in OUT.checkpoint every so many minutes, and its end."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Go on from a checkpoint, to the bits of a render that never stopped."),
+    ] = None,
     wave_size: WaveSize = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(help="FIRST:END, a turntable's frames; -o then names files as turn.####.exr."),
+    ] = None,
+    orbit: Annotated[
+        float | None,
+        typer.Option(help="Degrees by which the camera goes around the groom in all frames."),
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
+    from furcl.cli.outputs import Outputs
     from furcl.fibre import samplers
-    from furcl.scene.read import load_scene
+    from furcl.scene.read import find_scene, load_scene
+    from furcl.scene.schema import files_of
 
-    _check_outputs(output, stats)
+    check_frames(frames, orbit, output, stats, checkpoint is not None or resume is not None)
+    outputs = Outputs.of(output, stats)
+    outputs.check([find_scene(scene), *([sampler] if sampler else [])])
     if sampler:
         if sampling:
             raise typer.BadParameter("--sampler and --sampling name two samplers; keep one")
@@ -71,7 +95,14 @@ def render(
         size=size,
         sampling=sampling,
         max_depth=max_depth,
+        camera=camera,
     )
+    outputs.check_apart(files_of(loaded))
+    if frames is not None:
+        limits = {"target_rmse": target_rmse, "target_relmse": target_relmse}
+        options = {"spp": spp, "device": device, "wave_size": wave_size, "time_limit": time_limit}
+        render_all(loaded, frames, orbit or 0.0, output, stats, **options, **limits)
+        return
     with interruptible() as interrupt:
         with progress_report() as report:
 
@@ -81,7 +112,7 @@ def render(
 
             # The groom is made while OpenCL and what works with it is loaded.
             with ThreadPoolExecutor(1) as beside:
-                curves = beside.submit(loaded.build_curves)
+                curves = beside.submit(loaded.build_grooms)
                 from furcl.rendering.renderer import render as render_scene
 
                 image = render_scene(
@@ -94,22 +125,17 @@ def render(
                     target_rmse=target_rmse,
                     target_relmse=target_relmse,
                     wave_size=wave_size,
+                    checkpoint=outputs.checkpoint,
+                    checkpoint_minutes=checkpoint,
+                    resume=resume,
                 )
-        written = [output, output.with_suffix(".png")]
-        for path in dict.fromkeys(written):
-            image.save(path)
-        if stats:
-            _write_json(image.stats, stats)
-    log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
-    empty = image.stats.get("pixels_without_samples", 0)
-    if empty:
-        log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
-    _tell_what_was_reached(image.stats, loaded.render.spp)
+        outputs.write(image)
+    tell_what_was_reached(image.stats, loaded.render.spp)
     if interrupt.requested:
         raise interrupt.exit()
 
 
-def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
+def tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
     """Warn of a render that was stopped; log the error that it reached."""
     done = stats.get("spp", spp)
     [(name, target)] = (stats.get("target") or {"rmse": None}).items()
@@ -127,27 +153,6 @@ def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
             f"{'stopped early at' if stopped else 'reached'} {name} {found}"
             f"{'' if target is None else f' of {target:.3g}'} with {done} samples a pixel",
         )
-
-
-def _check_outputs(output: Path, stats: Path | None) -> None:
-    """Refuse before the render what could not be written after it; make missing folders."""
-    from furcl.errors import ImageError
-    from furcl.files import check_writable
-
-    if output.suffix.lower() not in (".exr", ".png"):
-        raise typer.BadParameter(f"{output}: the name must end with .exr or .png")
-    for path in (output, output.with_suffix(".png"), stats):
-        if path:
-            check_writable(path, ImageError)
-
-
-def _write_json(values: object, path: Path) -> None:
-    import json
-
-    from furcl.files import atomic_path
-
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
 
 
 def register(app: typer.Typer) -> None:

@@ -6,9 +6,9 @@ import io
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from furcl.errors import ImageError
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
 from furcl.image.exr import read_exr, rgb_of, to_rec709_of, write_exr
+from furcl.image.size import Window, strips
+from furcl.values import shown
 
 SUFFIXES = (".exr", ".png")
 # Statistics that get a header attribute of their own; all of them are in the attribute
@@ -26,6 +28,7 @@ HEADER_KEYS = (
     "features",
 )  # fmt: skip
 STATS_ATTRIBUTE = "furcl:stats"
+EXPOSURE_ATTRIBUTE = "furcl:exposure_stops"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,6 +45,12 @@ class Image:
                                     there are any, where some pixels have none
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
+    layers : dict                   channel by its EXR name -> (H, W) float32 (docs/layers.md)
+    attributes : dict               of the EXR header, which belong to layers
+    transparent : bool              rgb holds nothing of what is behind the scene: it is multiplied
+                                    with the layer A
+    window : Window or None         what part of a larger picture this is; EXR files have it as
+                                    their data window
     """
 
     rgb: NDArray[np.float32]
@@ -49,6 +58,10 @@ class Image:
     stats: dict[str, Any] = field(default_factory=dict)
     exposure_stops: float = 0.0
     samples: NDArray[np.uint32] | None = None
+    window: Window | None = None
+    layers: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    transparent: bool = False
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
@@ -63,6 +76,9 @@ class Image:
                 f"samples has the shape {self.samples.shape}; expected {self.rgb.shape[:2]}, one "
                 f"number a pixel"
             )
+        size = (self.width, self.height)
+        if self.window is not None and (self.window.width, self.window.height) != size:
+            raise ImageError(f"{self.window} is not of the size of rgb, {size[0]} x {size[1]}")
 
     def __repr__(self) -> str:
         facts = [f"{self.width} x {self.height}"]
@@ -89,14 +105,17 @@ class Image:
         """Root of the variance, mean of the channels, (H, W); None if unknown."""
         if self.variance is None:
             return None
-        return np.sqrt(self.variance.mean(axis=2, dtype=np.float64)).astype(np.float32)
+        out = np.empty(self.variance.shape[:2], np.float32)
+        for rows in strips(self.height, self.width):
+            out[rows] = np.sqrt(self.variance[rows].mean(axis=2, dtype=np.float64))
+        return out
 
     @classmethod
     def load(cls, path: str | Path) -> Image:
         """Read a picture from an OpenEXR file with channels R, G, B (or Y).
 
-        The variance is read where there is one, and so are the numbers of samples, and the
-        statistics where furcl wrote the file.
+        The variance is read where there is one, and so are the numbers of samples; statistics and
+        exposure where furcl wrote the file.
 
         Raises
         ------
@@ -122,14 +141,66 @@ class Image:
                 f"save the picture again"
             ) from None
         samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
-        return cls(rgb_of(channels, header, path), variance, stats, samples=samples)
+        if samples is not None and variance is not None:
+            variance[samples == 1] = np.nan
+        stops = header.get(EXPOSURE_ATTRIBUTE, 0.0)
+        if not (isinstance(stops, float) and math.isfinite(stops)):
+            raise ImageError(
+                f"{path}: the header attribute {EXPOSURE_ATTRIBUTE} is {shown(stops)}, no number; "
+                f"the file was edited, save the picture again"
+            )
+        loaded = cls(
+            rgb_of(channels, header, path),
+            variance,
+            stats,
+            stops,
+            samples,
+            layers={name: channels[name] for name in stats.get("layers", ()) if name in channels},
+            attributes={k: v for k, v in header.items() if k.startswith("cryptomatte/")},
+            transparent=bool(stats.get("transparent", False)),
+        )
+        if "crop" not in stats:
+            return loaded
+        try:
+            return loaded.cropped(*stats["crop"])
+        except TypeError:
+            raise ImageError(
+                f"{path}: the header attribute {STATS_ATTRIBUTE} names no window by its crop = "
+                f"{shown(stats['crop'])}; the file was edited, save the picture again"
+            ) from None
+
+    def cropped(self, left: int, top: int, right: int, bottom: int) -> Image:
+        """A window of a whole picture, given as `film.crop` of a scene.
+
+        Raises
+        ------
+        ImageError      the window is not within the picture
+        """
+        if not (0 <= left < right <= self.width and 0 <= top < bottom <= self.height):
+            raise ImageError(
+                f"the window {left}, {top} to {right}, {bottom} is not within the picture of "
+                f"{self.width} x {self.height}"
+            )
+
+        def part(values: Any) -> Any:
+            return None if values is None else values[top:bottom, left:right]
+
+        return replace(
+            self,
+            rgb=part(self.rgb),
+            variance=part(self.variance),
+            samples=part(self.samples),
+            layers={name: part(values) for name, values in self.layers.items()},
+            window=Window(left, top, right - left, bottom - top, self.width, self.height),
+        )
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
         `exposure_stops`).
 
-        Where pixels have different numbers of samples, the .exr has the layers `samples` and
-        `error`, which is the standard error; else `spp` in the header says it all.
+        Where pixels have different numbers of samples, or fewer than two, the .exr has the layers
+        `samples` and `error`, which is the standard error; else `spp` in the header says it all.
+        Variance and error of fewer than two samples are written as 0, and left out if all are.
 
         The file appears whole or not at all; an older one of that name is kept until then.
 
@@ -148,37 +219,64 @@ class Image:
         try:
             with atomic_path(path) as temporary:
                 if path.suffix.lower() == ".png":
-                    temporary.write_bytes(self.png_bytes())
+                    with temporary.open("wb") as file:
+                        self._write_png(file)
                 else:
-                    write_exr(temporary, self._channels(), _header(self.stats))
+                    exposure = {EXPOSURE_ATTRIBUTE: float(self.exposure_stops)}
+                    header = {**_header(self.stats), **exposure, **self.attributes}
+                    write_exr(temporary, self._channels(), header, self.window)
         except OSError as error:
             raise ImageError(f"{path}: cannot be written: {error.strerror}") from None
 
     def png_bytes(self) -> bytes:
         """The picture as an 8 bit sRGB PNG file; values above 1 after exposure are cut."""
+        stream = io.BytesIO()
+        self._write_png(stream)
+        return stream.getvalue()
+
+    def _write_png(self, file: BinaryIO) -> None:
         from PIL import Image as PillowImage
 
-        linear = self.rgb.astype(np.float64) * 2.0**self.exposure_stops
-        encoded = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
-        stream = io.BytesIO()
-        PillowImage.fromarray(np.rint(encoded * 255.0).astype(np.uint8), "RGB").save(stream, "PNG")
-        return stream.getvalue()
+        alpha = self.layers.get("A") if self.transparent else None
+        encoded = np.empty((*self.rgb.shape[:2], 3 if alpha is None else 4), np.uint8)
+        for rows in strips(self.height, self.width):
+            linear = self.rgb[rows].astype(np.float64) * 2.0**self.exposure_stops
+            if alpha is not None:  # PNG keeps the colours of what covers a part of a pixel
+                linear /= np.maximum(alpha[rows], np.finfo(np.float32).tiny)[..., None]
+                encoded[rows, :, 3] = np.rint(alpha[rows] * 255.0).astype(np.uint8)
+            srgb = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
+            encoded[rows, :, :3] = np.rint(srgb * 255.0).astype(np.uint8)
+        PillowImage.fromarray(encoded, "RGB" if alpha is None else "RGBA").save(file, "PNG")
 
     def _repr_png_(self) -> bytes:
         return self.png_bytes()
 
     def _channels(self) -> dict[str, NDArray[np.float32]]:
+        """What files hold: no NaN, so 0 where the variance of a pixel is not known."""
         channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
+        errors: dict[str, NDArray[np.float32] | None] = {}
         if self.variance is not None:
-            channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
-        fewest, most = (0, 0) if self.samples is None else (self.samples.min(), self.samples.max())
-        if self.samples is not None and (fewest == 0 or fewest < most):
-            channels["samples"] = self.samples.astype(np.float32)
-            if self.standard_error is not None:
-                channels["error"] = self.standard_error
-        if self.samples is not None and fewest == 0:
-            channels["A"] = (self.samples > 0).astype(np.float32)
-        return channels
+            errors = {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
+        counts = self.samples
+        if counts is not None:
+            fewest, most = counts.min(), counts.max()
+            if fewest < 2 or fewest < most:
+                channels["samples"] = counts.astype(np.float32)
+                errors["error"] = self.standard_error
+            if fewest == 0:
+                channels["A"] = (counts > 0).astype(np.float32)
+            if most < 2:
+                errors = {}
+            elif fewest < 2:
+                errors = {name: _zero(values, counts < 2) for name, values in errors.items()}
+        known = {name: values for name, values in errors.items() if values is not None}
+        return {**channels, **known, **self.layers}
+
+
+def _zero(
+    values: NDArray[np.float32] | None, where: NDArray[np.bool_]
+) -> NDArray[np.float32] | None:
+    return None if values is None else np.where(where, np.float32(0.0), values)
 
 
 def _header(stats: Mapping[str, Any]) -> dict[str, Any]:

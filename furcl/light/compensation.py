@@ -20,7 +20,7 @@ LEAST = 1.0 / 16.0
 Array = NDArray[np.float64]
 
 
-def compensated_power(power: Array, solid_angles: Array) -> Array:
+def compensated_power(power: Array, solid_angles: Array, total: float | None = None) -> Array:
     """What chances of sampling the parts of a light around the scene are to be proportional to.
 
     Parameters
@@ -28,10 +28,11 @@ def compensated_power(power: Array, solid_angles: Array) -> Array:
     power : (...)           of each part, its luminance times solid angle, >= 0
     solid_angles : (...)    of each part, broadcast to `power` [sr]; where a part lies in front of
                             another, its power is what it adds
+    total : float           power of all parts, where `power` has some of them
 
     Returns
     -------
     (...)       >= LEAST power, and <= power
     """
-    mean = power.sum() / (4.0 * np.pi)
+    mean = (power.sum() if total is None else total) / (4.0 * np.pi)
     return np.maximum(power - SHARE * mean * solid_angles, LEAST * power)
