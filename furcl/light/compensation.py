@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 # Of the mean radiance over all directions; and what is left at least of each part's own power, so
 # that a light sample alone weighs no more than 16 times as much as without. From 0.5 to 1 the three
-# scenes of the paper differ by less than 10 % in six lights (docs/notebook.md).
+# scenes of the paper differ by less than 10 % in five lights (docs/notebook.md).
 SHARE = 0.75
 LEAST = 1.0 / 16.0
 

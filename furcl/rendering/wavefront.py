@@ -31,7 +31,7 @@ from furcl.rendering.learning import Buffers
 
 RAY_STAGES = ("intersect_closest", "intersect_shadow")
 MATERIAL_STAGES = ("sample_lobe_h", "shade")
-QUEUE_STAGES = ("shade_escaped", "sample_lobe_h", "shade", "shade_surface")
+QUEUE_STAGES = ("generate", "shade_escaped", "sample_lobe_h", "shade", "shade_surface")
 
 
 def stage_files(features: Features) -> dict[str, str]:

@@ -2,10 +2,10 @@
 
    reads    wave, camera; plan (with FURCL_PLANNED)
    writes   state: all planes of a new path; queue: the identity
-   over     the wave's paths
+   over     the wave's paths, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_closest */
 #include "camera/camera.clh"
-#include "core/paths.clh"
+#include "core/queue_lanes.clh"
 
 __kernel void generate(
     __global float* state, __global uint* queue, const Wave wave, const Camera camera
@@ -14,30 +14,47 @@ __kernel void generate(
 #endif
     )
 {
-    const uint slot = get_global_id(0);
-    if (slot >= wave.n_paths) return;
     const Paths paths = {state, wave.n_slots};
+    for (uint first = 0; first < FURCL_PATHS_PER_ITEM && queue_entry(first) < wave.n_paths;
+         first += FURCL_LANES) {
+        /* Numbers in lanes; lanes beyond the last path repeat it. */
+        PixelSample of_lane[FURCL_LANES];
+        UintLanes pixel, sample;
+        for (uint k = 0; k < FURCL_LANES; k++) {
+            const uint slot = min(queue_entry(first + k), wave.n_paths - 1u);
 #if FURCL_PLANNED
-    const PixelSample p = planned_sample(plan, &wave, slot);
-    set_path_uint(paths, PS_PIXEL, slot, p.index);
-    set_path_uint(paths, PS_SAMPLE, slot, p.sample);
+            of_lane[k] = planned_sample(plan, &wave, slot);
 #else
-    const PixelSample p = pixel_of_slot(paths, &wave, slot);
+            of_lane[k] = pixel_of_slot(paths, &wave, slot);
 #endif
-    const CameraRay ray = camera_ray(&camera, &wave, p);
-    set_path_float3(paths, PS_ORIGIN, slot, ray.origin);
-    set_path_float3(paths, PS_DIR, slot, ray.direction);
-    set_path_uint(paths, PS_FROM_SEGMENT, slot, FURCL_NO_SEGMENT);
-    set_path_spectrum(paths, PS_THROUGHPUT, slot, spectrum(1.0f));
-    set_path_spectrum(paths, PS_RADIANCE, slot, spectrum(0.0f));
+            set_uint_lane(&pixel, k, of_lane[k].index);
+            set_uint_lane(&sample, k, of_lane[k].sample);
+        }
+        const Lanes4 xi = uniform_lanes(wave.seed, pixel, sample, DIM_FILM);
+        const uint n = lanes_in_queue(first, wave.n_paths);
+        for (uint k = 0; k < n; k++) {
+            const uint slot = queue_entry(first + k);
+#if FURCL_PLANNED
+            set_path_uint(paths, PS_PIXEL, slot, of_lane[k].index);
+            set_path_uint(paths, PS_SAMPLE, slot, of_lane[k].sample);
+#endif
+            const CameraRay ray = camera_ray(&camera, &wave, of_lane[k], lane4(&xi, k));
+            set_path_float3(paths, PS_ORIGIN, slot, ray.origin);
+            set_path_float3(paths, PS_DIR, slot, ray.direction);
+            set_path_uint(paths, PS_FROM_SEGMENT, slot, FURCL_NO_SEGMENT);
+            set_path_spectrum(paths, PS_THROUGHPUT, slot, spectrum(1.0f));
+            set_path_spectrum(paths, PS_RADIANCE, slot, spectrum(0.0f));
 #if FURCL_LIGHT_SAMPLING
-    set_path_float(paths, PS_DIR_PDF, slot, 0.0f);
+            set_path_float(paths, PS_DIR_PDF, slot, 0.0f);
 #endif
 #if FURCL_FIRST_HITS
-    set_path_uint(paths, PS_HIT_SEGMENT, slot, FURCL_NO_SEGMENT);  /* as long as nothing is met */
+            /* as long as nothing is met */
+            set_path_uint(paths, PS_HIT_SEGMENT, slot, FURCL_NO_SEGMENT);
 #endif
 #if FURCL_LIGHT_LAYERS
-    set_path_uint(paths, PS_FIRST, slot, FURCL_NOTHING_MET);
+            set_path_uint(paths, PS_FIRST, slot, FURCL_NOTHING_MET);
 #endif
-    queue[FURCL_SLOT(paths, slot)] = slot;
+            queue[FURCL_SLOT(paths, slot)] = slot;
+        }
+    }
 }
