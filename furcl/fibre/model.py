@@ -233,7 +233,7 @@ FUNCTIONS = (
     "lobe_terms",
     "lobe_value_over_pdf",
     "lobe_sample_direction",
-    "lobe_inclination_density",
+    "lobe_inclination_densities",
     "lobe_azimuth_density",
 )
 H_GIVEN_PHI_FUNCTION = "lobe_azimuthal_estimate"
