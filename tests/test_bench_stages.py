@@ -45,9 +45,9 @@ def test_every_stage_is_timed_and_counted(device, scene, results):
     assert len(results["scenes"]) == 2
     renderer = Renderer(load_scene(scene), device)
     renderer.advance(1)
-    before = renderer.rays, renderer.shadow_rays, sum(renderer.lobe_counts)
+    before = renderer.rays, renderer.shadow_rays, renderer.lobe_counts[0].sum()
     renderer.advance(2)
-    after = renderer.rays, renderer.shadow_rays, sum(renderer.lobe_counts)
+    after = renderer.rays, renderer.shadow_rays, renderer.lobe_counts[0].sum()
     rays, shadow_rays, hits = (b - a for a, b in zip(before, after, strict=True))
     for found in results["scenes"]:
         rows = {row["stage"]: row for row in found["stages"]}
