@@ -1,6 +1,7 @@
 """Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, colours."""
 
 import math
+import struct
 import zipfile
 from pathlib import Path
 from typing import BinaryIO
@@ -14,6 +15,10 @@ from furcl.memory import require_memory
 from furcl.values import shown
 
 MEMBERS = ("points", "radii", "radius", "offsets", "counts", "colours")
+MAX_MEMBERS = 10_000
+# The end of a zip file: a record and a comment, and two records of larger files before it.
+END_BYTES, END64_BYTES = 22, 56 + 20
+LONGEST_END = END64_BYTES + END_BYTES + 65535
 # deflate cannot pack tighter, so a member that claims more is lying.
 MAX_DEFLATE_RATIO = 1032
 
@@ -36,6 +41,7 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
     GroomError                   the file's name, the array or strand, and a remedy
     """
     try:
+        _check_listed(path)
         with zipfile.ZipFile(path) as archive:
             arrays = {
                 name: _read_member(archive, name, path)
@@ -69,6 +75,26 @@ def write_npz(curves: Curves, file: BinaryIO, path: Path) -> None:
     if curves.colours is not None:
         arrays["colours"] = curves.colours
     np.savez(file, allow_pickle=False, **arrays)
+
+
+def _check_listed(path):
+    """Refuse a zip file that lists more members than any groom has, before they are."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - LONGEST_END, 0))
+        end = file.read()
+    # Where Python's zipfile looks: without a comment, else before one; and the record of larger files.
+    for at in {len(end) - END_BYTES, end.rfind(b"PK\5\6")}:
+        if end[at : at + 4] != b"PK\5\6" or at < 0 or at + END_BYTES > len(end):
+            continue
+        (count,) = struct.unpack_from("<H", end, at + 10)
+        larger = at - END64_BYTES
+        if larger >= 0 and end[larger : larger + 4] == b"PK\6\6":
+            (count,) = struct.unpack_from("<Q", end, larger + 32)
+        if count > MAX_MEMBERS:
+            raise GroomError(
+                f"{path}: lists {count} arrays; at most {MAX_MEMBERS} are read. Write those of the "
+                f"groom alone, {', '.join(MEMBERS)}."
+            )
 
 
 def _read_member(archive, name, path):
