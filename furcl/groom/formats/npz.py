@@ -82,7 +82,7 @@ def _check_listed(path):
     with path.open("rb") as file:
         file.seek(max(path.stat().st_size - LONGEST_END, 0))
         end = file.read()
-    # Where Python's zipfile looks: without a comment, else before one; and the record of larger files.
+    # Where Python's zipfile looks: without a comment, else before one.
     for at in {len(end) - END_BYTES, end.rfind(b"PK\5\6")}:
         if end[at : at + 4] != b"PK\5\6" or at < 0 or at + END_BYTES > len(end):
             continue
