@@ -18,7 +18,8 @@ from typing import Annotated, Any, Literal, Union
 import msgspec
 from msgspec import NODEFAULT, Meta
 
-from furcl.scene.tables import KINDS, Scene
+from furcl.scene.schema import named_tables
+from furcl.scene.tables import NAMED, Scene, kinds_at
 from furcl.table import Table
 
 PAGE = Path(__file__).with_name("scene.md")
@@ -45,6 +46,11 @@ Unknown keys and values outside their ranges are refused by name. File names are
 scene file. `furcl render SCENE --set fibre.kappa=0.5 --set environment.kind=sky` replaces values,
 or adds what is not there; files named so are sought where you are. In Python it is
 `furcl.load_scene(path, overrides=["fibre.kappa=0.5"])`.
+
+A scene of several grooms has a table for each, `[groom.NAME]` with `[groom.NAME.curves]`, instead
+of `[curves]`, which is the short form of one. Its fibre is `[groom.NAME.fibre]`, a material that it
+names, `[material.NAME]` with the keys of `[fibre]`, or the scene's `[fibre]`. A list, `[[groom]]`
+with a key `name`, is read as well.
 
 Where a key says of which kind its table is (`fibre.model`, `environment.kind`, `curves.generator`),
 changing the kind takes the table's other keys away, since they belong to the former kind; those
@@ -106,20 +112,33 @@ def sections() -> list[Section]:
     """Every table that a scene may hold, in the order of the scene."""
     found = []
     for field in msgspec.structs.fields(Scene):
-        if field.name in KINDS:
-            kinds = KINDS[field.name]
+        kinds = kinds_at((field.name,))
+        named = named_tables(field.type)
+        if kinds:
             outer = [
                 Section(field.name, struct, kinds.tag, kind, kind == kinds.default)
                 for kind, struct in kinds.tables().items()
             ]
+        elif named and NAMED[field.name] == field.name:
+            kinds = kinds_at((field.name, "NAME"))
+            outer = [
+                Section(f"{field.name}.NAME", struct, kinds.tag, kind)
+                for kind, struct in (kinds.tables() if kinds else {}).items()
+            ]
+        elif named:
+            outer = [] if NAMED[field.name] else [Section(f"{field.name}.NAME", named)]
         else:
             outer = [Section(field.name, t) for t in _tables_in(field.type)]
         for section in outer:
             inner = msgspec.structs.fields(section.struct)
             found += [section]
-            found += [
-                Section(f"{field.name}.{f.name}", t) for f in inner for t in _tables_in(f.type)
+            tables = [
+                Section(f"{section.name}.{f.name}", t)
+                for f in inner
+                if not (named and kinds_at((*section.name.split("."), f.name)))
+                for t in _tables_in(f.type)
             ]
+            found += [table for table in tables if table not in found]
     return found
 
 
@@ -214,6 +233,9 @@ def _kind(hint: Any) -> str:
     for part in map(_bare, _parts(hint)):
         if typing.get_origin(part) is tuple:
             inner = typing.get_args(part)
+            if typing.get_origin(inner[0]) is tuple:
+                words.append(f"{len(inner)} rows of {_kind(inner[0])}")
+                continue
             words.append(f"{len(inner)} {names[_bare(inner[0])]}s")
         else:
             words.append("text" if typing.get_origin(part) is Literal else names.get(part, "table"))
@@ -245,8 +267,10 @@ def _default(field: msgspec.structs.FieldInfo, described: type | None) -> str:
     default = field.default
     if default is None and described is not None and is_dataclass(described):
         default = {f.name: f.default for f in fields(described)}.get(field.name)
-    if field.default is NODEFAULT:
+    if field.required:
         return "must be given"
+    if default is NODEFAULT:
+        return "-"
     return "-" if default in (None, "") or isinstance(default, Table) else f"`{_value(default)}`"
 
 

@@ -56,6 +56,10 @@ class ImageError(FurclError):
     """An image file that cannot be read, written or compared."""
 
 
+class CheckpointError(FurclError):
+    """A render that cannot be kept or gone on with as asked."""
+
+
 class BenchError(FurclError):
     """A benchmark that cannot be run as asked, or results that do not belong together."""
 

@@ -1,6 +1,7 @@
 """Files: reading regular ones only, and writing so that a reader never sees half of one."""
 
 import errno
+import hashlib
 import logging
 import os
 import re
@@ -8,10 +9,11 @@ import secrets
 import stat
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import BinaryIO
+from urllib.parse import quote
 
 from furcl.errors import FurclError
 from furcl.values import shown
@@ -27,6 +29,8 @@ _KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
+# What names stand in file names with: with what is added, systems allow 255 bytes.
+LONGEST_NAME = 100
 _TEMPORARY = re.compile(r"\.furcl-[0-9a-f]{16}(\.\w+)?")
 
 log = logging.getLogger(__name__)
@@ -92,20 +96,50 @@ def read_text(path: str | os.PathLike[str]) -> str:
     return data.decode("utf-8-sig")
 
 
+def file_name(text: str) -> str:
+    """A text as a part of a file's name, or of a key: another one for every other text.
+
+    Letters of ASCII, digits, spaces and _ + - . ( ) = ~ stay; all others, and a point at the
+    beginning, are %XX, and what is longer than 100 letters ends with its digest.
+    """
+    name = quote(text, safe=" +()=")
+    if name.startswith("."):
+        name = "%2E" + name[1:]
+    if len(name) > LONGEST_NAME:
+        name = f"{name[: LONGEST_NAME - 21]}%{hashlib.sha256(text.encode()).hexdigest()[:20]}"
+    return name
+
+
+def is_file(path: str | os.PathLike[str]) -> bool:
+    """Whether there is a file of that name; of a name that cannot be one there is none."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
 @contextmanager
 def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A temporary path beside `path`, with the same suffix, that becomes `path` on success.
 
-    When the block raises, the temporary file is removed and an older file at `path` is kept.
+    When the block raises, the temporary file is removed and an older file at `path` is kept. Errors
+    of the system, and furcl's, name `path`, not the temporary file. Of a link, the file that it
+    leads to is replaced.
     """
-    path = Path(path)
+    named_path, path = Path(path), Path(os.path.realpath(path))
     _remove_old(path.parent)
-    temporary = path.with_name(f".furcl-{secrets.token_hex(8)}{path.suffix}")
+    temporary = path.with_name(f".furcl-{secrets.token_hex(8)}{named_path.suffix}")
     try:
         yield temporary
         temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError) and str(error.filename) == str(temporary):
+            error.filename, error.filename2 = str(named_path), None
+        if isinstance(error, FurclError):
+            text = str(error).replace(str(temporary), str(named_path))
+            raise type(error)(text) from error.__cause__
         raise
 
 
@@ -121,16 +155,21 @@ def _remove_old(folder: Path) -> None:
         pass
 
 
-def check_writable(path: Path, error: type[FurclError]) -> None:
+def check_writable(path: str | os.PathLike[str], error: type[FurclError]) -> None:
     """Refuse a path that could not be written to later; makes its folder.
 
     Raises
     ------
-    error       no file can be called so, it is a folder, or its folder cannot be written to
+    error       no file can be called so, what is there is no file or read-only, or its folder
+                cannot be written to
     """
-    named(path, error)
+    path = named(path, error)
     if path.is_dir():
         raise error(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not path.is_file():
+        raise error(f"{path}: is no regular file, which would be replaced; give another name")
+    if path.exists() and not os.access(path, os.W_OK):
+        raise error(f"{path}: is read-only; make it writable or give another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         probe = path.with_name(f".furcl-{secrets.token_hex(8)}{path.suffix}")

@@ -30,6 +30,12 @@ def shown(value: object) -> str:
     return text.encode("utf-8", "backslashreplace").decode()
 
 
+def printable(text: str) -> str:
+    """A text with escapes in place of what no line can show: breaks, other controls, and bytes of
+    file names that are no text."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a real number, of Python or numpy; True and False are none."""
     return isinstance(value, numbers.Real) and not isinstance(value, bool)

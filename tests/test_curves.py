@@ -244,8 +244,8 @@ REFUSED = {
         r"radii has shape \(12,\); expected \(4, 3\)",
     ),
     "colours of strands": (
-        {"points": np.ones((4, 3, 3)), "radii": 1.0, "colours": np.ones((4, 3))},
-        r"colours has shape \(4, 3\); expected \(4, 3, 3\)",
+        {"points": np.ones((4, 3, 3)), "radii": 1.0, "colours": np.ones((4, 2))},
+        r"colours has shape \(4, 2\); expected \(12, 3\) of points or \(4, 3\) of strands",
     ),
     "no strands of points": ({"points": np.ones((0, 3, 3)), "radii": 1.0}, "empty"),
     "strands of one point": (
@@ -254,8 +254,18 @@ REFUSED = {
     ),
     "text points": (changed(points=[["a", "b", "c"]] * 9), "points has type <U1; .*real numbers"),
     "radii a strand": (changed(radii=[1, 1, 1]), r"radii has shape \(3,\); expected \(9,\)"),
-    "colour shape": (changed(colours=np.zeros((3, 3))), r"colours has shape \(3, 3\)"),
-    "colour nan": (changed(colours=np.full((9, 3), np.nan)), "strand 0, point 0: the colour"),
+    "colour shape": (changed(colours=np.zeros((4, 3))), r"colours has shape \(4, 3\)"),
+    "scalar colours": (changed(colours=np.zeros(9)), r"colours has shape \(9,\)"),
+    "colour nan": (changed(colours=np.full((9, 3), np.nan)), "strand 0, point 0: colours is not f"),
+    "attribute of strands nan": (
+        changed(attributes={"age": np.array([0.0, np.inf, 0.0])}),
+        "strand 1: age is not finite",
+    ),
+    "attribute shape": (
+        changed(attributes={"age": np.zeros(5)}),
+        r"age has shape \(5,\); expected .*, or \(9,\) or \(3,\)",
+    ),
+    "attribute name": (changed(attributes={"radius": np.zeros(9)}), "'radius': that name has"),
     "too many points": (
         changed(points=np.broadcast_to(np.float32(0), (2**31, 3)), radii=1.0),
         "2147483648 points; at most 2147483647",

@@ -1,5 +1,7 @@
 """The film against float64: mean, variance, compensation, and what is not finite."""
 
+import tracemalloc
+
 import numpy as np
 import pyopencl as cl
 import pytest
@@ -8,6 +10,8 @@ from furcl.device import layout, program
 from furcl.device.features import Features
 from furcl.device.launch import grid, path_defines
 from furcl.device.memory import Memory
+from furcl.image import size
+from furcl.image.size import STRIP_PIXELS
 from furcl.rendering.film import Film
 
 
@@ -94,3 +98,27 @@ def test_empty_film_is_nan(device):
     assert np.isnan(mean).all()
     assert np.isnan(variance).all()
     assert not samples.any()
+
+
+def test_reading_takes_little_memory(device):
+    """By strips: beside what it returns, a few copies of a strip."""
+    memory = Memory(device)
+    film = Film.allocate(memory, 2048, 2048, Features())
+    strip = 8 * 4 * 3 * STRIP_PIXELS  # the sums of its pixels as float64
+    tracemalloc.start()
+    mean, variance, samples = film.read(memory)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak <= mean.nbytes + variance.nbytes + samples.nbytes + 3 * strip
+
+
+def test_strips_are_read_as_one(device, rng, monkeypatch):
+    memory = Memory(device)
+    film = Film.allocate(memory, 5, 7, Features())
+    values = rng.lognormal(0, 2, (9, 3, 35)).astype(np.float32)
+    _add(device, memory, film, values, 0)
+    whole = film.read(memory)
+    monkeypatch.setattr(size, "STRIP_PIXELS", 10)
+    assert [rows.start for rows in size.strips(7, 5)] == [0, 2, 4, 6]
+    for one, other in zip(film.read(memory), whole, strict=True):
+        assert np.array_equal(one, other)

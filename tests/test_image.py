@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -13,8 +14,10 @@ from PIL import Image as PillowImage
 
 from furcl.errors import ImageError
 from furcl.image import compare
-from furcl.image.exr import write_exr
+from furcl.image.error import estimated_errors
+from furcl.image.exr import read_exr, write_exr
 from furcl.image.image import Image
+from furcl.image.size import STRIP_PIXELS
 
 
 @pytest.fixture
@@ -56,6 +59,70 @@ def test_exr_header_names_what_made_it(picture, tmp_path):
     assert header["furcl:sampling"] == "full-cdf"
     assert header["furcl:features"] == '{"lens": true}'
     assert header["chromaticities"][:2] == pytest.approx((0.64, 0.33))
+
+
+@pytest.mark.parametrize("stops", [0.0, -2.5, 30.0])
+def test_exposure_is_kept(picture, tmp_path, stops):
+    Image(picture.rgb, exposure_stops=stops).save(tmp_path / "a.exr")
+    again = Image.load(tmp_path / "a.exr")
+    assert again.exposure_stops == stops
+    assert again.png_bytes() == Image(picture.rgb, exposure_stops=stops).png_bytes()
+
+
+def test_files_hold_no_nan(picture, tmp_path):
+    """Variance that is not known is 0 in a file, whose layer `samples` says where."""
+    assert picture.variance is not None
+    samples = np.full(picture.rgb.shape[:2], 3, np.uint32)
+    samples[0, 0], samples[0, 1] = 0, 1
+    variance = picture.variance.copy()
+    variance[0, 0], variance[0, 1] = 0.0, np.nan
+    Image(picture.rgb, variance, samples=samples).save(tmp_path / "a.exr")
+    channels, _ = read_exr(tmp_path / "a.exr")
+    assert all(np.isfinite(values).all() for values in channels.values())
+    assert channels["A"].sum() == channels["A"].size - 1
+    again = Image.load(tmp_path / "a.exr")
+    assert again.variance is not None
+    assert np.array_equal(again.variance, variance, equal_nan=True)
+    assert again.samples is not None
+    assert np.array_equal(again.samples, samples)
+
+
+def test_one_sample_has_no_variance(picture, tmp_path):
+    samples = np.ones(picture.rgb.shape[:2], np.uint32)
+    unknown = np.full_like(picture.rgb, np.nan)
+    Image(picture.rgb, unknown, samples=samples).save(tmp_path / "a.exr")
+    channels, _ = read_exr(tmp_path / "a.exr")
+    assert set(channels) == {"R", "G", "B", "samples"}
+    assert Image.load(tmp_path / "a.exr").variance is None
+
+
+PEAK_BYTES = {".exr": 24.0, ".png": 3.0}  # a pixel, beside the picture: channels in one piece each
+
+
+@pytest.mark.parametrize("suffix", PEAK_BYTES)
+def test_writing_takes_little_memory(tmp_path, suffix):
+    """Conversions go by strips: at most an eighth more than what the libraries want."""
+    height, width = 4096, 2048
+    picture = np.zeros((height, width, 3), np.float32)
+    image = Image(picture, picture, exposure_stops=1.0)
+    peak = _peak_bytes(lambda: image.save(tmp_path / f"a{suffix}"))
+    strip = 3 * 8 * 8 * STRIP_PIXELS  # copies of one as float64
+    assert peak <= 1.125 * PEAK_BYTES[suffix] * height * width + strip
+
+
+def test_the_estimated_error_takes_little_memory():
+    picture = np.zeros((4096, 2048, 3), np.float32)
+    assert _peak_bytes(lambda: estimated_errors(picture, picture)) <= 3 * 8 * 5 * STRIP_PIXELS
+
+
+def _peak_bytes(call):
+    """The most bytes that Python and numpy held at a time within a call."""
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_foreign_exr_needs_no_variance(tmp_path):

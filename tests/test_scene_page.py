@@ -13,6 +13,7 @@ from scene_documents import MINIMAL
 from furcl.errors import SceneError
 from furcl.scene.overrides import apply_overrides
 from furcl.scene.read import decode_scene
+from furcl.scene.schema import files_in
 from furcl.table import Table
 
 # While nothing but furcl's own kinds is registered.
@@ -26,15 +27,28 @@ RANGES = [
 ]
 
 
+# What examples call a thing of which a scene may have several.
+NAMES = {"groom": "scalp", "lamp": "key"}
+
+
+def path(section: make_scene.Section) -> list[str]:
+    """The keys that lead to a section's table in its example."""
+    outer = section.name.split(".")
+    return [NAMES[outer[0]] if key == "NAME" else key for key in outer]
+
+
 def document(section: make_scene.Section, tmp_path) -> dict[str, Any]:
     """A scene with the section's example; files that it names are there."""
     tables = {**MINIMAL, **tomllib.loads(section.example)}
     if section.name == "fibre.melanin":
         tables["fibre"] = {"preset": "human-white", **tables["fibre"]}
-    for table in tables.values():
-        if "file" in table:
-            (tmp_path / table["file"]).touch()
-            table["file"] = str(tmp_path / table["file"])
+    if section.name.startswith("groom"):
+        del tables["curves"]
+        scalp = tables["groom"].setdefault("scalp", {})
+        scalp.setdefault("curves", MINIMAL["curves"])
+    for keys, table in files_in(tables):
+        (tmp_path / table[keys[-1]]).touch()
+        table[keys[-1]] = str(tmp_path / table[keys[-1]])
     return tables
 
 
@@ -45,11 +59,11 @@ def test_the_page_is_that_of_the_tables():
 @pytest.mark.parametrize("heading", SECTIONS)
 def test_examples_are_scenes(heading, tmp_path):
     section = SECTIONS[heading]
-    (name,) = tomllib.loads(section.example)
-    assert name == section.name.split(".")[0]
-    table = getattr(decode_scene(document(section, tmp_path)), name)
-    for inner in section.name.split(".")[1:]:
-        table = getattr(table, inner)
+    outermost, *keys = path(section)
+    assert outermost in tomllib.loads(section.example)
+    table = getattr(decode_scene(document(section, tmp_path)), outermost)
+    for key in keys:
+        table = table[key] if isinstance(table, dict) else getattr(table, key)
     assert isinstance(table, section.struct)
 
 
@@ -65,7 +79,7 @@ def test_ranges_are_those_that_hold(section, key, tmp_path):
     for beyond in (low - 1.0 - abs(low), high + 1.0 + abs(high)):
         beyond = int(beyond) if key.kind.startswith("whole") else beyond
         value = [beyond] * int(key.kind[0]) if key.kind[0].isdigit() else beyond
-        changed = apply_overrides(given, [f"{section.name}.{key.name}={value}"])
+        changed = apply_overrides(given, [f"{'.'.join(path(section))}.{key.name}={value}"])
         with pytest.raises(SceneError, match=key.name):
             decode_scene(changed)
 

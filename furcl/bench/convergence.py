@@ -19,21 +19,21 @@ from furcl.bench.convergence_plan import Plan
 from furcl.bench.convergence_reference import (
     Reference,
     choose_variant,
-    digest,
     kernel_digest,
     reference_samples_left,
     render_reference,
-    scene_digest,
 )
 from furcl.bench.convergence_results import assemble, scene_facts, write_results
+from furcl.bench.convergence_state import State, name_of
 from furcl.bench.convergence_variants import Variant, checks, chosen, settings_of
 from furcl.device.choice import Device, open_device
 from furcl.errors import BenchError
 from furcl.fibre.samplers import BUILT_IN
-from furcl.files import atomic_path
+from furcl.files import file_name
 from furcl.image import compare
 from furcl.image.image import Image
 from furcl.rendering.renderer import Progress, Renderer
+from furcl.scene.digest import digest, scene_digest
 from furcl.scene.tables import Scene
 
 log = logging.getLogger(__name__)
@@ -77,7 +77,8 @@ def run(
     folder = Path(folder)
     (folder / IMAGES).mkdir(parents=True, exist_ok=True)
     opened = device if isinstance(device, Device) else open_device(device)
-    state = _State(folder / STATE)
+    state = State(folder / STATE)
+    state.check(plan)
     counter = _Counter(progress, plan)
     complete = True
     try:
@@ -85,28 +86,9 @@ def run(
             _Bench(plan, scene, opened, folder, state, counter).run()
     except _StoppedError:
         complete = False
-    results = assemble(plan, opened, state.data, complete=complete)
+    results = assemble(plan, opened, state, complete=complete)
     write_results(results, folder)
     return results
-
-
-class _State:
-    """Everything measured so far, written after every render."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.data: dict[str, Any] = {"scenes": {}, "setup": {}, "renders": {}}
-        if path.exists():
-            try:
-                self.data = json.loads(path.read_text(encoding="utf-8"))
-            except ValueError:
-                raise BenchError(
-                    f"{path}: not JSON; it was edited or damaged, remove it to start again"
-                ) from None
-
-    def save(self) -> None:
-        with atomic_path(self.path) as temporary:
-            temporary.write_text(json.dumps(self.data), encoding="utf-8")
 
 
 class _Counter:
@@ -142,12 +124,13 @@ class _Bench:
         scene: Scene,
         device: Device,
         folder: Path,
-        state: _State,
+        state: State,
         counter: _Counter,
     ) -> None:
         self.plan, self.scene, self.device = plan, scene, device
         self.folder, self.state, self.counter = folder, state, counter
         self.n_pixels = scene.film.width * scene.film.height
+        self.file = file_name(scene.name)
 
     def run(self) -> None:
         """Render everything that is missing."""
@@ -159,13 +142,15 @@ class _Bench:
         keys = {name: self._key(content, r) for name, r in renderers.items()}
         self._check_keys(keys)
         reference = self._reference(content, renderers)
-        for key, run, spp, name in self._missing(keys):
+        for run, spp, name in self._missing():
             record, image = self._measure(renderers[name], reference, run, spp, name)
             if run == 0:
-                image.save(self.folder / IMAGES / f"{self.scene.name}-{name}-{spp}.exr")
-            self.state.data["renders"][key] = record
-            self.state.save()
-            log.debug("%s: %.2f s, RMSE %.4g", key, record["seconds"], record["rmse"])
+                image.save(self.folder / IMAGES / f"{self.file}-{file_name(name)}-{spp}.exr")
+            self.state.add(self.scene.name, name, spp, run, record)
+            log.debug(
+                "%s, %s, %d spp, run %d: %.2f s, RMSE %.4g", self.scene.name, name, spp, run,
+                record["seconds"], record["rmse"],
+            )  # fmt: skip
 
     def _renderer(self, variant: Variant) -> Renderer:
         """A renderer that has compiled all that its first render would."""
@@ -175,7 +160,7 @@ class _Bench:
         renderer.advance(1)
         first = time.perf_counter() - start
         found = chosen(own, renderer.features)
-        self.state.data["setup"][f"{self.scene.name}|{variant.name}"] = {
+        self.state.data["setup"][name_of(self.scene.name, variant.name)] = {
             "settings": settings_of(own),
             "chosen": found,
             "compiled": json.loads(json.dumps(renderer.stats()["features"]["compiled"])),
@@ -194,24 +179,24 @@ class _Bench:
         return digest(content, settings_of(renderer.scene), kernel_digest(renderer), device)
 
     def _check_keys(self, keys: Mapping[str, str]) -> None:
-        for key, record in self.state.data["renders"].items():
-            scene, name = key.split("|")[:2]
-            if scene == self.scene.name and name in keys and record["key"] != keys[name]:
-                raise BenchError(
-                    f"{self.state.path}: holds renders of {scene} by {name} with another scene, "
-                    f"size, settings, device or version of the kernels; continue with what it was "
-                    f"begun with, or give another folder"
-                )
+        for name, key in keys.items():
+            for record in self.state.of_variant(self.scene.name, name).values():
+                if record["key"] != key:
+                    raise BenchError(
+                        f"{self.state.path}: holds renders of {self.scene.name} by {name} with "
+                        f"another scene, size, settings, device or version of the kernels; "
+                        f"continue with what it was begun with, or give another folder"
+                    )
         self.keys = keys
 
-    def _missing(self, keys: Mapping[str, str]) -> Iterator[tuple[str, int, int, str]]:
+    def _missing(self) -> Iterator[tuple[int, int, str]]:
         todo = []
+        there = {name: self.state.of_variant(self.scene.name, name) for name in self.plan.names}
         for run, spp, name in self.plan.renders():
-            key = f"{self.scene.name}|{name}|{spp}|{run}"
-            if key in self.state.data["renders"]:
+            if (spp, run) in there[name]:
                 self.counter.forget(spp * self.n_pixels)
             else:
-                todo.append((key, run, spp, name))
+                todo.append((run, spp, name))
         yield from todo
 
     def _render_once(
@@ -242,7 +227,7 @@ class _Bench:
         left = reference_samples_left(*arguments)
         self.counter.forget((self.plan.reference_spp - left) * self.n_pixels)
         reference = render_reference(*arguments, self._render_once)
-        reference.image.save(self.folder / IMAGES / f"{self.scene.name}-reference.exr")
+        reference.image.save(self.folder / IMAGES / f"{self.file}-reference.exr")
         self.state.data["scenes"][self.scene.name] = {
             **scene_facts(self.scene, self.curves),
             "reference": {"variant": name, **reference.facts, "pilot": figures},
@@ -251,7 +236,7 @@ class _Bench:
 
     def _may_be_reference(self, name: str, renderer: Renderer) -> bool:
         """Samplers of the user's may be wrong, and other settings may show another picture."""
-        facts = self.state.data["setup"][f"{self.scene.name}|{name}"]
+        facts = self.state.data["setup"][name_of(self.scene.name, name)]
         return renderer.scene.render.sampling in BUILT_IN and facts["checks"]["mean"] is None
 
     def _measure(

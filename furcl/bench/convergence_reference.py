@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
 from collections.abc import Callable, Mapping
@@ -11,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from furcl.bench.convergence_variants import settings_of
@@ -20,12 +18,14 @@ from furcl.files import write_cache
 from furcl.image.image import Image
 from furcl.paths import cache_folder
 from furcl.rendering.renderer import Renderer
-from furcl.scene.tables import Scene
+from furcl.scene.digest import digest
 
 log = logging.getLogger(__name__)
 
 PILOT_SPP = 8
 N_CHUNKS = 8
+#: Key of the statistics of a part: the hash of the rest of it.
+CONTENT = "content"
 
 #: Renders `spp` samples of a seed with a renderer; returns the image and its wall and CPU seconds.
 RenderOnce = Callable[[Renderer, int, int], tuple[Image, float, float]]
@@ -51,32 +51,9 @@ class Reference:
         return self.image.variance.astype(np.float64)
 
 
-def digest(*parts: object) -> str:
-    """A short hash of texts, bytes and JSON values."""
-    state = hashlib.sha256()
-    for part in parts:
-        raw = part if isinstance(part, bytes) else json.dumps(part, sort_keys=True).encode()
-        state.update(len(raw).to_bytes(8, "little") + raw)
-    return state.hexdigest()[:20]
-
-
 def kernel_digest(renderer: Renderer) -> str:
     """A hash of the texts of all stages as a renderer has compiled them."""
     return digest(*renderer.wavefront.texts())
-
-
-def scene_digest(scene: Scene) -> str:
-    """A hash of all that the picture of a scene follows from, but the table [render]."""
-    document = msgspec.to_builtins(scene)
-    del document["render"], document["name"], document["film"]["exposure_stops"]
-    curves = scene.build_curves()
-    arrays = (curves.points, curves.radii, curves.offsets)
-    parts: list[object] = [np.ascontiguousarray(array).tobytes() for array in arrays]
-    if "file" in document["environment"]:
-        parts.append(Path(document["environment"].pop("file")).read_bytes())
-    if document["curves"]["generator"] == "file":
-        del document["curves"]["file"]
-    return digest(document, *parts)
 
 
 def choose_variant(
@@ -99,6 +76,11 @@ def choose_variant(
     return min(figures, key=figures.__getitem__, default=None), figures
 
 
+def rendered_spp(spp: int) -> int:
+    """Samples a pixel of a reference that is to have `spp`: all parts have equally many."""
+    return -(-spp // N_CHUNKS) * N_CHUNKS
+
+
 def render_reference(
     renderer: Renderer,
     content: str,
@@ -115,7 +97,7 @@ def render_reference(
     content : str       `scene_digest` of the scene
     spp : int           samples a pixel of all parts together, rounded up to a multiple of 8
     """
-    part_spp = -(-spp // N_CHUNKS)
+    part_spp = rendered_spp(spp) // N_CHUNKS
     folder = _folder(renderer, content, part_spp, seed_of)
 
     def render_part(k: int) -> Image:
@@ -123,7 +105,10 @@ def render_reference(
         image.stats["wall_seconds"] = seconds
         return image
 
-    parts = [_kept(folder / f"part{k}.exr", partial(render_part, k)) for k in range(N_CHUNKS)]
+    shape = (renderer.film.height, renderer.film.width)
+    parts = [
+        _kept(folder / f"part{k}.exr", shape, partial(render_part, k)) for k in range(N_CHUNKS)
+    ]
     pictures = [part.rgb.astype(np.float64) for part in parts]
     rgb = np.mean(pictures, axis=0)
     variance = np.var(pictures, axis=0, ddof=1) / N_CHUNKS
@@ -145,23 +130,36 @@ def render_reference(
     return Reference(Image(rgb.astype(np.float32), variance.astype(np.float32)), facts)
 
 
-def _kept(path: Path, render_part: Callable[[], Image]) -> Image:
-    """A part from the cache; rendered, and kept where that is possible, if none can be read."""
+def _kept(path: Path, shape: tuple[int, int], render_part: Callable[[], Image]) -> Image:
+    """A part from the cache; rendered, and kept where that is possible, if it is not there as it
+    was written."""
     if path.is_file():
         try:
-            return Image.load(path)
+            kept = Image.load(path)
         except ImageError as error:
             log.warning("%s; rendering this part again", error)
+        else:
+            if kept.stats.get(CONTENT) == _content(kept) and kept.rgb.shape[:2] == shape:
+                return kept
+            log.warning("%s: is not as it was written; rendering this part again", path)
     image = render_part()
+    image.stats.update(json.loads(json.dumps(image.stats, default=str)))
+    image.stats[CONTENT] = _content(image)
     write_cache(path, image.save)
     return image
+
+
+def _content(part: Image) -> str:
+    """A hash of the pixels and statistics of a part."""
+    stats = {key: value for key, value in part.stats.items() if key != CONTENT}
+    return digest(np.ascontiguousarray(part.rgb).tobytes(), stats)
 
 
 def reference_samples_left(
     renderer: Renderer, content: str, spp: int, seed_of: Callable[..., int]
 ) -> int:
     """Samples a pixel that `render_reference` has still to render."""
-    part_spp = -(-spp // N_CHUNKS)
+    part_spp = rendered_spp(spp) // N_CHUNKS
     folder = _folder(renderer, content, part_spp, seed_of)
     return part_spp * sum(not (folder / f"part{k}.exr").exists() for k in range(N_CHUNKS))
 

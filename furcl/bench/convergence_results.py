@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from furcl.bench.convergence_plan import Plan
+from furcl.bench.convergence_state import State, name_of
 from furcl.bench.convergence_statistics import (
     Curve,
     compare_curves,
@@ -60,14 +61,12 @@ def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
     }
 
 
-def assemble(
-    plan: Plan, device: Device, data: Mapping[str, Any], *, complete: bool
-) -> dict[str, Any]:
+def assemble(plan: Plan, device: Device, state: State, *, complete: bool) -> dict[str, Any]:
     """The results of what has been rendered so far.
 
     Variants of a scene are compared over the runs that all of them have at all sample counts.
     """
-    records = _in_plan(plan, data["renders"])
+    records, data = _in_plan(plan, state), state.data
     return {
         "schema": SCHEMA,
         **circumstances(device),
@@ -99,16 +98,16 @@ def assemble(
 Records = Mapping[tuple[str, str, int, int], Mapping[str, Any]]
 
 
-def _in_plan(plan: Plan, renders: Mapping[str, Any]) -> Records:
-    wanted = {
-        (scene.name, name, spp, run) for scene in plan.scenes for run, spp, name in plan.renders()
+def _in_plan(plan: Plan, state: State) -> Records:
+    there = {
+        (scene.name, name, *where): record
+        for scene in plan.scenes
+        for name in plan.names
+        for where, record in state.of_variant(scene.name, name).items()
     }
-    found = {}
-    for key, record in renders.items():
-        scene, name, spp, run = key.split("|")
-        if (scene, name, int(spp), int(run)) in wanted:
-            found[scene, name, int(spp), int(run)] = record
-    return found
+    renders = [(name, spp, run) for run, spp, name in plan.renders()]
+    wanted = [(scene.name, *render) for scene in plan.scenes for render in renders]
+    return {key: there[key] for key in wanted if key in there}
 
 
 def _scene_results(
@@ -123,7 +122,7 @@ def _scene_results(
     curves = {name: _curve(records, scene, name, plan.spp, whole) for name in plan.names}
     found = []
     for name in plan.names:
-        entry: dict[str, Any] = {"name": name, **setup.get(f"{scene}|{name}", {})}
+        entry: dict[str, Any] = {"name": name, **setup.get(name_of(scene, name), {})}
         entry["spp"] = [
             _cell(spp, rows, reference)
             for spp in plan.spp

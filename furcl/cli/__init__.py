@@ -14,6 +14,7 @@ import typer
 
 from furcl.cli import bench, devices, files, render
 from furcl.cli.console import set_up_logging
+from furcl.cli.losable import losable_log
 from furcl.device import crashes
 from furcl.errors import FurclError, NoDeviceError
 from furcl.memory import little_address_space
@@ -89,14 +90,15 @@ def _add_options(group: Any, options: list[Any]) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; always ends with SystemExit."""
     _start_fast()
-    _write_any_letter()
-    set_up_logging()
-    crashes.watch()
-    try:
-        _run(arguments)
-    finally:
-        _flush()
-        crashes.forget()
+    with losable_log():
+        _write_any_letter()
+        set_up_logging()
+        crashes.watch()
+        try:
+            _run(arguments)
+        finally:
+            _flush()
+            crashes.forget()
 
 
 def _run(arguments: Sequence[str] | None) -> None:
@@ -143,9 +145,8 @@ def _little_memory() -> str:
 
 def _write_any_letter() -> None:
     """Spell what the terminal's encoding lacks, rather than fail."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _flush() -> None:

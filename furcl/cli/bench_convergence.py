@@ -18,6 +18,7 @@ from furcl.cli.options import (
     DeviceName,
     Overrides,
     SceneNames,
+    results_folder,
 )
 
 log = logging.getLogger(__name__)
@@ -27,7 +28,12 @@ def convergence(
     scenes: SceneNames,
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", help="Folder; one that holds a stopped run continues it."),
+        typer.Option(
+            "--output",
+            "-o",
+            help="Folder; one that holds a stopped run continues it.",
+            callback=results_folder,
+        ),
     ],
     variant: Annotated[
         list[str] | None,

@@ -16,7 +16,26 @@ SceneName = Annotated[
 SceneNames = Annotated[
     list[str], typer.Argument(help="TOML scenes, or names of those that come with furcl.")
 ]
-Folder = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")]
+
+
+def results_folder(folder: Path) -> Path:
+    """Refuse a folder in which results could not be written at the end of a benchmark; makes it.
+
+    Raises
+    ------
+    BenchError
+    """
+    from furcl.errors import BenchError
+    from furcl.files import check_writable
+
+    check_writable(folder / "results.json", BenchError)
+    return folder
+
+
+Folder = Annotated[
+    Path,
+    typer.Option("--output", "-o", help="Folder for the results.", callback=results_folder),
+]
 DeviceName = Annotated[
     str | None, typer.Option("--device", help="Number in `furcl devices`, P:D, or part of a name.")
 ]

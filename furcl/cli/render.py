@@ -51,14 +51,25 @@ def render(
         float | None, typer.Option(help="Stop at this relMSE, as estimated; --spp limits it.")
     ] = None,
     stats: Annotated[Path | None, typer.Option(help="Write statistics to this JSON file.")] = None,
+    checkpoint: Annotated[
+        float | None,
+        typer.Option(help="Keep the render in OUT.checkpoint every so many minutes, and its end."),
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Go on from a checkpoint, to the bits of a render that never stopped."),
+    ] = None,
     wave_size: WaveSize = None,
     overrides: Overrides = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
+    from furcl.cli.outputs import Outputs
     from furcl.fibre import samplers
-    from furcl.scene.read import load_scene
+    from furcl.scene.read import find_scene, load_scene
+    from furcl.scene.schema import files_of
 
-    _check_outputs(output, stats)
+    outputs = Outputs.of(output, stats)
+    outputs.check([find_scene(scene), *([sampler] if sampler else [])])
     if sampler:
         if sampling:
             raise typer.BadParameter("--sampler and --sampling name two samplers; keep one")
@@ -72,6 +83,7 @@ def render(
         sampling=sampling,
         max_depth=max_depth,
     )
+    outputs.check_apart(files_of(loaded))
     with interruptible() as interrupt:
         with progress_report() as report:
 
@@ -81,7 +93,7 @@ def render(
 
             # The groom is made while OpenCL and what works with it is loaded.
             with ThreadPoolExecutor(1) as beside:
-                curves = beside.submit(loaded.build_curves)
+                curves = beside.submit(loaded.build_grooms)
                 from furcl.rendering.renderer import render as render_scene
 
                 image = render_scene(
@@ -94,16 +106,11 @@ def render(
                     target_rmse=target_rmse,
                     target_relmse=target_relmse,
                     wave_size=wave_size,
+                    checkpoint=outputs.checkpoint,
+                    checkpoint_minutes=checkpoint,
+                    resume=resume,
                 )
-        written = [output, output.with_suffix(".png")]
-        for path in dict.fromkeys(written):
-            image.save(path)
-        if stats:
-            _write_json(image.stats, stats)
-    log.info("wrote %s", ", ".join(str(path) for path in dict.fromkeys(written)))
-    empty = image.stats.get("pixels_without_samples", 0)
-    if empty:
-        log.warning("%d pixels have no samples: they are black, with alpha 0", empty)
+        outputs.write(image)
     _tell_what_was_reached(image.stats, loaded.render.spp)
     if interrupt.requested:
         raise interrupt.exit()
@@ -127,27 +134,6 @@ def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
             f"{'stopped early at' if stopped else 'reached'} {name} {found}"
             f"{'' if target is None else f' of {target:.3g}'} with {done} samples a pixel",
         )
-
-
-def _check_outputs(output: Path, stats: Path | None) -> None:
-    """Refuse before the render what could not be written after it; make missing folders."""
-    from furcl.errors import ImageError
-    from furcl.files import check_writable
-
-    if output.suffix.lower() not in (".exr", ".png"):
-        raise typer.BadParameter(f"{output}: the name must end with .exr or .png")
-    for path in (output, output.with_suffix(".png"), stats):
-        if path:
-            check_writable(path, ImageError)
-
-
-def _write_json(values: object, path: Path) -> None:
-    import json
-
-    from furcl.files import atomic_path
-
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
 
 
 def register(app: typer.Typer) -> None:

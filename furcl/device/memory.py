@@ -38,6 +38,10 @@ class Memory:
         """Bytes held on the device."""
         return sum(list(self.bytes.values()))  # one step: threads may add buffers
 
+    def held(self, kind: str) -> int:
+        """Bytes of the buffer of that name, and of those named "kind: ..."."""
+        return sum(n for name, n in list(self.bytes.items()) if name.split(":")[0] == kind)
+
     @contextmanager
     def scratch(self) -> Iterator[Memory]:
         """Memory for buffers that nobody keeps after the with block; they count for the peak."""
@@ -103,10 +107,14 @@ class Memory:
         return buffer
 
     def read(
-        self, buffer: cl.Buffer, shape: tuple[int, ...] | int, dtype: DTypeLike = np.float32
+        self,
+        buffer: cl.Buffer,
+        shape: tuple[int, ...] | int,
+        dtype: DTypeLike = np.float32,
+        offset: int = 0,
     ) -> np.ndarray:
-        """Copy the head of a buffer back; waits for the queue."""
+        """Copy a part of a buffer back, from a byte on; waits for the queue."""
         check_process()
         out = np.empty(shape, dtype)
-        cl.enqueue_copy(self.device.queue, out, buffer)
+        cl.enqueue_copy(self.device.queue, out, buffer, src_offset=offset)
         return out

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.image.compare import REL_EPSILON
+from furcl.image.size import strips
 
 #: Quantile of the normal distribution: intervals of 95 %.
 QUANTILE = 1.96
@@ -33,22 +34,37 @@ def estimated_errors(
     -------
     {"rmse": {estimate, low, high}, "relmse": the same}, or None if a pixel's variance is unknown
     """
-    squares = variance.astype(np.float64)
-    if not np.isfinite(squares).all():
-        return None
-    relative = squares / (mean.astype(np.float64) ** 2 + REL_EPSILON)
-    rmse = _interval(squares.mean(axis=2).ravel())
+    absolute, relative = _Sums(), _Sums()
+    for rows in strips(*mean.shape[:2]):
+        squares = variance[rows].astype(np.float64)
+        if not np.isfinite(squares).all():
+            return None
+        absolute.add(squares)
+        relative.add(squares / (mean[rows].astype(np.float64) ** 2 + REL_EPSILON))
+    rmse = absolute.interval()
     return {
         "rmse": {name: float(np.sqrt(value)) for name, value in rmse.items()},
-        "relmse": _interval(relative.mean(axis=2).ravel()),
+        "relmse": relative.interval(),
     }
 
 
-def _interval(errors: NDArray[np.float64]) -> dict[str, Any]:
-    """Mean of the squared errors of pixels and its interval."""
-    n, estimate = errors.size, float(errors.mean())
-    pairs = errors[: n - n % 2].reshape(-1, 2)
-    of_estimate = float(np.sum((pairs[:, 0] - pairs[:, 1]) ** 2)) / n**2
-    of_picture = 2.0 * float(np.sum(errors**2)) / n**2
-    half = QUANTILE * float(np.sqrt(of_estimate + of_picture))
-    return {"estimate": estimate, "low": max(estimate - half, 0.0), "high": estimate + half}
+class _Sums:
+    """Sums over the squared errors of pixels, strip by strip."""
+
+    def __init__(self) -> None:
+        self.n, self.total, self.squares, self.pairs = 0, 0.0, 0.0, 0.0
+
+    def add(self, errors: NDArray[np.float64]) -> None:
+        """Add those of the rows of a strip, (rows, W, 3)."""
+        flat = errors.mean(axis=2).ravel()
+        pairs = flat[: len(flat) // 2 * 2].reshape(-1, 2)
+        self.n += len(flat)
+        self.total += float(flat.sum())
+        self.squares += float(np.sum(flat**2))
+        self.pairs += float(np.sum((pairs[:, 0] - pairs[:, 1]) ** 2))
+
+    def interval(self) -> dict[str, Any]:
+        """Their mean and its interval."""
+        estimate = self.total / self.n
+        half = QUANTILE * float(np.sqrt((self.pairs + 2.0 * self.squares) / self.n**2))
+        return {"estimate": estimate, "low": max(estimate - half, 0.0), "high": estimate + half}

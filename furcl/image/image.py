@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from furcl.errors import ImageError
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
 from furcl.image.exr import read_exr, rgb_of, to_rec709_of, write_exr
+from furcl.image.size import strips
+from furcl.values import shown
 
 SUFFIXES = (".exr", ".png")
 # Statistics that get a header attribute of their own; all of them are in the attribute
@@ -26,6 +28,7 @@ HEADER_KEYS = (
     "features",
 )  # fmt: skip
 STATS_ATTRIBUTE = "furcl:stats"
+EXPOSURE_ATTRIBUTE = "furcl:exposure_stops"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,14 +92,17 @@ class Image:
         """Root of the variance, mean of the channels, (H, W); None if unknown."""
         if self.variance is None:
             return None
-        return np.sqrt(self.variance.mean(axis=2, dtype=np.float64)).astype(np.float32)
+        out = np.empty(self.variance.shape[:2], np.float32)
+        for rows in strips(self.height, self.width):
+            out[rows] = np.sqrt(self.variance[rows].mean(axis=2, dtype=np.float64))
+        return out
 
     @classmethod
     def load(cls, path: str | Path) -> Image:
         """Read a picture from an OpenEXR file with channels R, G, B (or Y).
 
-        The variance is read where there is one, and so are the numbers of samples, and the
-        statistics where furcl wrote the file.
+        The variance is read where there is one, and so are the numbers of samples; statistics and
+        exposure where furcl wrote the file.
 
         Raises
         ------
@@ -121,15 +127,26 @@ class Image:
                 f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
                 f"save the picture again"
             ) from None
-        samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
-        return cls(rgb_of(channels, header, path), variance, stats, samples=samples)
+        samples = None
+        if "samples" in channels:
+            samples = _whole_numbers(channels["samples"], path)
+        if samples is not None and variance is not None:
+            variance[samples == 1] = np.nan
+        stops = header.get(EXPOSURE_ATTRIBUTE, 0.0)
+        if not (isinstance(stops, float) and math.isfinite(stops)):
+            raise ImageError(
+                f"{path}: the header attribute {EXPOSURE_ATTRIBUTE} is {shown(stops)}, no number; "
+                f"the file was edited, save the picture again"
+            )
+        return cls(rgb_of(channels, header, path), variance, stats, stops, samples)
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
         `exposure_stops`).
 
-        Where pixels have different numbers of samples, the .exr has the layers `samples` and
-        `error`, which is the standard error; else `spp` in the header says it all.
+        Where pixels have different numbers of samples, or fewer than two, the .exr has the layers
+        `samples` and `error`, which is the standard error; else `spp` in the header says it all.
+        Variance and error of fewer than two samples are written as 0, and left out if all are.
 
         The file appears whole or not at all; an older one of that name is kept until then.
 
@@ -148,37 +165,68 @@ class Image:
         try:
             with atomic_path(path) as temporary:
                 if path.suffix.lower() == ".png":
-                    temporary.write_bytes(self.png_bytes())
+                    with temporary.open("wb") as file:
+                        self._write_png(file)
                 else:
-                    write_exr(temporary, self._channels(), _header(self.stats))
+                    header = {**_header(self.stats), EXPOSURE_ATTRIBUTE: float(self.exposure_stops)}
+                    write_exr(temporary, self._channels(), header)
         except OSError as error:
             raise ImageError(f"{path}: cannot be written: {error.strerror}") from None
 
     def png_bytes(self) -> bytes:
         """The picture as an 8 bit sRGB PNG file; values above 1 after exposure are cut."""
+        stream = io.BytesIO()
+        self._write_png(stream)
+        return stream.getvalue()
+
+    def _write_png(self, file: BinaryIO) -> None:
         from PIL import Image as PillowImage
 
-        linear = self.rgb.astype(np.float64) * 2.0**self.exposure_stops
-        encoded = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
-        stream = io.BytesIO()
-        PillowImage.fromarray(np.rint(encoded * 255.0).astype(np.uint8), "RGB").save(stream, "PNG")
-        return stream.getvalue()
+        encoded = np.empty(self.rgb.shape, np.uint8)
+        for rows in strips(self.height, self.width):
+            linear = self.rgb[rows].astype(np.float64) * 2.0**self.exposure_stops
+            srgb = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
+            encoded[rows] = np.rint(srgb * 255.0).astype(np.uint8)
+        PillowImage.fromarray(encoded, "RGB").save(file, "PNG")
 
     def _repr_png_(self) -> bytes:
         return self.png_bytes()
 
     def _channels(self) -> dict[str, NDArray[np.float32]]:
+        """What files hold: no NaN, so 0 where the variance of a pixel is not known."""
         channels = {name: self.rgb[:, :, i] for i, name in enumerate("RGB")}
+        errors: dict[str, NDArray[np.float32] | None] = {}
         if self.variance is not None:
-            channels |= {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
-        fewest, most = (0, 0) if self.samples is None else (self.samples.min(), self.samples.max())
-        if self.samples is not None and (fewest == 0 or fewest < most):
-            channels["samples"] = self.samples.astype(np.float32)
-            if self.standard_error is not None:
-                channels["error"] = self.standard_error
-        if self.samples is not None and fewest == 0:
-            channels["A"] = (self.samples > 0).astype(np.float32)
-        return channels
+            errors = {f"variance.{name}": self.variance[:, :, i] for i, name in enumerate("RGB")}
+        counts = self.samples
+        if counts is not None:
+            fewest, most = counts.min(), counts.max()
+            if fewest < 2 or fewest < most:
+                channels["samples"] = counts.astype(np.float32)
+                errors["error"] = self.standard_error
+            if fewest == 0:
+                channels["A"] = (counts > 0).astype(np.float32)
+            if most < 2:
+                errors = {}
+            elif fewest < 2:
+                errors = {name: _zero(values, counts < 2) for name, values in errors.items()}
+        return channels | {name: values for name, values in errors.items() if values is not None}
+
+
+def _zero(
+    values: NDArray[np.float32] | None, where: NDArray[np.bool_]
+) -> NDArray[np.float32] | None:
+    return None if values is None else np.where(where, np.float32(0.0), values)
+
+
+def _whole_numbers(samples: NDArray[np.float32], path: str | Path) -> NDArray[np.uint32]:
+    """The channel `samples` as uint32."""
+    if not (samples.min() >= 0.0 and samples.max() < 2.0**32):
+        raise ImageError(
+            f"{path}: the channel samples goes from {samples.min()} to {samples.max()}; it holds "
+            f"numbers of samples, 0 to 4294967295; leave it out, or save the picture again"
+        )
+    return samples.astype(np.uint32)
 
 
 def _header(stats: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import pyopencl as cl
 
 from furcl.device.features import Features
 from furcl.device.memory import Memory, fill
+from furcl.image.size import strips
 from furcl.rendering.plan import PlanBuffers
 
 
@@ -69,25 +70,29 @@ class Film:
             variance / samples; NaN where a pixel has fewer than two samples or none is kept
         samples : (height, width) uint32
         """
+        shape = (self.height, self.width)
+        mean, variance = (np.empty((*shape, 3), np.float32) for _ in range(2))
+        samples = memory.read(self.n_samples, shape, np.uint32)
+        for rows in strips(*shape):
+            mean[rows], variance[rows] = self._read_rows(memory, rows, samples[rows])
+        return mean, variance, samples
+
+    def _read_rows(
+        self, memory: Memory, rows: slice, samples: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and variance of some rows, (rows, width, channels) float64."""
         per_pixel = 4 if self.features.variance else 2
-        shape = (self.height, self.width, per_pixel, self.features.channels)
-        sums = np.moveaxis(memory.read(self.sums, shape).astype(np.float64), 2, 0)
-        samples = memory.read(self.n_samples, (self.height, self.width), np.uint32)
+        shape = (rows.stop - rows.start, self.width, per_pixel, self.features.channels)
+        offset = 4 * rows.start * self.width * per_pixel * self.features.channels
+        sums = np.moveaxis(memory.read(self.sums, shape, offset=offset).astype(np.float64), 2, 0)
         n = samples[..., None].astype(np.float64)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = (sums[0] - sums[1]) / n
-            variance = np.full_like(mean, np.nan)
-            if self.features.variance:
-                squares = sums[2] - sums[3]
-                variance = np.where(n > 1, squares / (n * (n - 1)), np.nan)
-        return _rgb(mean), _rgb(variance), samples
+            if not self.features.variance:
+                return mean, np.full_like(mean, np.nan)
+            squares = sums[2] - sums[3]
+            return mean, np.where(n > 1, squares / (n * (n - 1)), np.nan)
 
     def read_nonfinite(self, memory: Memory) -> int:
         """Samples so far that were NaN or infinite."""
         return int(memory.read(self.nonfinite, 1, np.uint32)[0])
-
-
-def _rgb(values: np.ndarray) -> np.ndarray:
-    """(H, W, channels) to (H, W, 3) float32; one channel is grey."""
-    spread = np.broadcast_to(values, (*values.shape[:2], 3))
-    return np.ascontiguousarray(spread, np.float32)

@@ -163,6 +163,10 @@ class Learning:
         fill(self._memory.device.queue, self._buffers.counts, 0, self._buffers.counts.size)
         self._set(self._start)
 
+    def parts(self) -> dict[str, cl.Buffer]:
+        """The buffers of what was learned, which a render that goes on has to have."""
+        return {"learned": self._buffers.table, "learning counts": self._buffers.counts}
+
     def end_of_wave(self, done: int, end: int) -> int:
         """Where a wave that begins with path `done` ends at most: at `end`, where thresholds are
         set, or where recording ends."""

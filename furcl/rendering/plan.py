@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyopencl as cl
@@ -124,6 +124,34 @@ class SamplePlan:
         self._starts = np.zeros(self.counts.size + 1, np.int64)
         self._first = np.zeros(self.counts.size, np.int64)
         self._done = 0
+
+    def numbers(self) -> dict[str, Any]:
+        """What it has to remember between two waves beside `parts`, as JSON values."""
+        return {
+            "steps": self.steps,
+            "goals": self._goals,
+            "needed": self._needed,
+            "ends": self._ends,
+            "level": self._level,
+            "done": self._done,
+        }
+
+    def parts(self) -> dict[str, cl.Buffer | np.ndarray]:
+        """The arrays of what it has to remember."""
+        return {
+            "counts": self.counts,
+            "plan": self._buffers.plan,
+            "pilots": self._buffers.pilots,
+        }
+
+    def go_on(self, numbers: Mapping[str, Any]) -> None:
+        """Go on with `numbers`, after `parts` were filled; weights follow from the pilots."""
+        self.steps, self._level, self._done = (numbers[n] for n in ("steps", "level", "done"))
+        self._goals, self._needed, self._ends = (numbers[n] for n in ("goals", "needed", "ends"))
+        self._weights = None
+        n_pixels = self.counts.size
+        step = self._memory.read(self._buffers.plan, 2 * n_pixels + 1, np.uint32).astype(np.int64)
+        self._starts, self._first = step[: n_pixels + 1], step[n_pixels + 1 :]
 
     @property
     def paths_needed(self) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from furcl.files import file_name
 from furcl.image.image import Image
 from furcl.report import convergence_plots as plots
 from furcl.report.convergence_schema import upgraded
@@ -52,23 +53,23 @@ def write_report(folder: str | Path) -> Path:
 
 def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:
     """Files of the figures of a scene, by name."""
-    drawn = {}
+    drawn, own = {}, file_name(scene["name"])
     figure = plots.error_over_time(scene)
     for suffix in (".svg", ".png"):
-        path = folder / "plots" / f"{scene['name']}-rmse{suffix}"
+        path = folder / "plots" / f"{own}-rmse{suffix}"
         plots.save(figure, path, dpi=150)
-    drawn["rmse"] = folder / "plots" / f"{scene['name']}-rmse.svg"
-    reference = folder / "images" / f"{scene['name']}-reference.exr"
+    drawn["rmse"] = folder / "plots" / f"{own}-rmse.svg"
+    reference = folder / "images" / f"{own}-reference.exr"
     counts = [cell["spp"] for cell in scene["variants"][0]["spp"]]
     spp = max((n for n in counts if n <= CROP_SPP), default=max(counts, default=0))
     pictures = []
     for name in _shown(scene):
-        path = folder / "images" / f"{scene['name']}-{name}-{spp}.exr"
+        path = folder / "images" / f"{own}-{file_name(name)}-{spp}.exr"
         if path.exists():
             pictures.append((name, Image.load(path)))
     if reference.exists() and pictures:
         figure = plots.crops(scene, spp, Image.load(reference), pictures)
-        drawn["crops"] = folder / "plots" / f"{scene['name']}-crops.png"
+        drawn["crops"] = folder / "plots" / f"{own}-crops.png"
         plots.save(figure, drawn["crops"], dpi=130)
     return drawn
 

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.text import Text
 
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
@@ -33,6 +34,7 @@ LEGEND_COLUMNS = 5
 CROP_SHARE = 4  # a crop is a quarter of the picture wide
 ERROR_QUANTILE = 0.99
 MAX_TICKS = 7
+LONGEST_BAR = 100.0
 
 
 def style_of(index: int) -> dict[str, Any]:
@@ -48,6 +50,8 @@ def style_of(index: int) -> dict[str, Any]:
 def save(figure: Figure, path: Path, **options: Any) -> None:
     """Write a figure whole or not at all."""
     FigureCanvasAgg(figure)
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # names of scenes may hold a $
     with atomic_path(path) as temporary:
         figure.savefig(temporary, format=path.suffix[1:], **options)
 
@@ -60,9 +64,9 @@ def error_over_time(scene: Mapping[str, Any]) -> Figure:
     rows = -(-len(scene["variants"]) // LEGEND_COLUMNS)
     figure = Figure(figsize=(9.0, 3.7 + 0.2 * rows), layout="constrained")
     curves, ratios = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    curves.set(xscale="log", yscale="log", xlabel="render time [s]", ylabel="RMSE")
     for index, variant in enumerate(scene["variants"]):
         _draw_curve(curves, variant, style_of(index), band=len(scene["variants"]) <= len(STYLES))
-    curves.set(xscale="log", yscale="log", xlabel="render time [s]", ylabel="RMSE")
     for axis in (curves.xaxis, curves.yaxis):
         _plain_log_ticks(axis)
     curves.set_title(f"{scene['name']}: error over time", loc="left", fontsize=10)
@@ -95,11 +99,15 @@ def _draw_curve(
 
 
 def _ends(estimates: Iterable[Mapping[str, Any]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means, lower and upper ends; the mean where there is no interval."""
+    """Means, lower and upper ends; the mean where there is no interval, NaN where there is no mean.
+
+    Of two runs an interval can be as wide as float64: ends are drawn up to LONGEST_BAR times away.
+    """
     rows = [(e["mean"], e["low"], e["high"]) for e in estimates]
-    filled = [[row[0] if value is None else value for value in row] for row in rows]
-    mean, low, high = np.array(filled, np.float64).T
-    return mean, low, high
+    mean, low, high = np.array(rows, np.float64).T
+    mean[~np.isfinite(mean)] = np.nan
+    low, high = np.where(np.isnan(low), mean, low), np.where(np.isnan(high), mean, high)
+    return mean, np.maximum(low, mean / LONGEST_BAR), np.minimum(high, mean * LONGEST_BAR)
 
 
 def _draw_ratios(axes: Axes, scene: Mapping[str, Any]) -> None:
@@ -122,7 +130,8 @@ def _draw_ratios(axes: Axes, scene: Mapping[str, Any]) -> None:
         )  # fmt: skip
     axes.set_xticks(range(len(counts)), [f"{n} spp" for n in counts])
     axes.set_xlim(-0.6, max(len(counts) - 0.4, 0.6))
-    if any(row["rmse_ratio"]["mean"] < LOG_BELOW for c in comparisons for row in c["equal_time"]):
+    found = [row["rmse_ratio"]["mean"] for c in comparisons for row in c["equal_time"]]
+    if any(mean is not None and 0.0 < mean < LOG_BELOW for mean in found):
         axes.set_yscale("log")
         _plain_log_ticks(axes.yaxis)
     axes.set_title(f"RMSE at equal time over that of {baseline}", loc="left", fontsize=10)
@@ -131,6 +140,8 @@ def _draw_ratios(axes: Axes, scene: Mapping[str, Any]) -> None:
 def _plain_log_ticks(axis: Any) -> None:
     """Ticks at round numbers, five or six at most, written as plain numbers."""
     low, high = axis.get_view_interval()
+    if not 0.0 < low < high < np.inf:  # nothing that a logarithm shows is drawn
+        return
     exponents = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
     for steps in ((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8), (1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1,)):
         ticks = [s * 10.0**e for e in exponents for s in steps if low <= s * 10.0**e <= high]

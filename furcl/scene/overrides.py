@@ -9,8 +9,8 @@ from typing import Any
 
 from furcl.errors import SceneError
 from furcl.scene.document import MAX_DEPTH, parse_toml
-from furcl.scene.schema import Keys, files_in, is_text, type_at
-from furcl.scene.tables import KINDS
+from furcl.scene.schema import files_in, is_text, type_at
+from furcl.scene.tables import Keys, kinds_at
 from furcl.values import is_number, is_whole, shown
 
 Document = dict[str, Any]
@@ -79,10 +79,12 @@ def apply_overrides(document: Document, overrides: Iterable[str]) -> Document:
     """
     changes = [_split(override) for override in overrides]
     document = copy.deepcopy(document)
-    for name, kinds in KINDS.items():
-        wanted = [_text(text) for keys, text, _ in changes if keys == (name, kinds.tag)]
-        if wanted and kinds.name_in(document.get(name, {})) != wanted[-1]:
-            document[name] = {kinds.tag: wanted[-1]}
+    for keys, (kind, override) in {k: (_text(text), o) for k, text, o in changes}.items():
+        kinds = kinds_at(keys[:-1])
+        if kinds and keys[-1] == kinds.tag:
+            outer = _table_for(document, keys[:-1], override)
+            if kinds.name_in(outer.get(keys[-2], {})) != kind:
+                outer[keys[-2]] = {kinds.tag: kind}
     for keys, text, override in changes:
         hint = type_at(document, keys)
         value = {keys[-1]: _text(text) if is_text(hint) else _toml_value(text)}
@@ -99,6 +101,12 @@ def absolute_files(document: Document, folder: Path) -> None:
 
 def _split(override: str) -> tuple[Keys, str, str]:
     """Keys and value of an override, and the override for messages."""
+    try:
+        override.encode()
+    except UnicodeEncodeError:
+        raise SceneError(
+            f"override {shown(override)}: it is not UTF-8; correct the terminal's encoding"
+        ) from None
     dotted, equals, text = override.partition("=")
     keys = tuple(key.strip() for key in dotted.split("."))
     if not equals or not all(keys) or len(keys) > MAX_DEPTH:

@@ -17,9 +17,11 @@ from furcl.paths import scene_folder
 from furcl.scene.document import MAX_BYTES, parse_toml
 from furcl.scene.overrides import Document, absolute_files, apply_overrides, keyword_overrides
 from furcl.scene.refusal import check_tables, refuse_missing, refuse_value
-from furcl.scene.schema import files_in
-from furcl.scene.tables import KINDS, Scene
-from furcl.values import shown
+from furcl.scene.schema import files_in, named_tables
+from furcl.scene.tables import NAMED, Groom, Keys, Scene, kinds_at
+from furcl.values import printable, shown
+
+LONGEST_NAME = 255
 
 
 def find_scene(name: str | os.PathLike[str]) -> Path:
@@ -58,9 +60,9 @@ def load_scene(
                                 missing file, bad TOML; the message starts with file name and key
     """
     path = find_scene(path)
-    document = _read(path)
+    document = named_lists(_read(path), str(path))
     absolute_files(document, path.absolute().parent)
-    document.setdefault("name", path.stem)
+    document.setdefault("name", printable(path.stem))
     document = apply_overrides(document, [*overrides, *keyword_overrides(keywords)])
     return decode_scene(document, str(path))
 
@@ -116,23 +118,11 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
     ------
     SceneError          as `load_scene`
     """
-    document = {name: _with_kind(name, table) for name, table in document.items()}
+    document = named_lists(document, source)
+    document = {name: _with_kinds(table, (name,)) for name, table in document.items()}
     check_tables(document, source)
-    values = {}
-    for field in msgspec.structs.fields(Scene):
-        if field.name in document:
-            value = document[field.name]
-            kinds = KINDS.get(field.name)
-            if value is None and field.default is None:
-                continue
-            try:
-                values[field.name] = msgspec.convert(
-                    value, kinds.type_of(value) if kinds else field.type
-                )
-            except msgspec.ValidationError as error:
-                refuse_value(str(error), document, field.name, source)
-        elif field.required:
-            refuse_missing(field.name, source)
+    _check_name(document.get("name"), source)
+    scene = _decoded(document, Scene, (), document, source)
     for keys, table in files_in(document):
         name = table[keys[-1]]
         try:
@@ -144,17 +134,120 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
                 f"{source}: {'.'.join(keys)} = {shown(name)}: {reason}; correct the path (relative "
                 f"ones are sought beside the scene file, those of --set where you are)"
             ) from None
-    scene = Scene(**values)
-    try:
-        scene.build_fibre()
-    except FibreError as error:
-        raise SceneError(f"{source}: {error}") from None
+    if scene.environment is None and not scene.lamp:
+        raise SceneError(
+            f"{source}: environment is missing; add it or a lamp to the file, or give --set "
+            f"environment.kind=constant"
+        )
+    _check_grooms(scene, source)
     return scene
 
 
-def _with_kind(name: str, table: Any) -> Any:
-    """A table that says its kind, if it is one that may leave it out."""
-    kinds = KINDS.get(name)
-    if kinds is None or kinds.default is None or not isinstance(table, dict):
+def _check_name(name: object, source: str) -> None:
+    """Refuse a scene's name that a line of text cannot show, in logs, tables and headers."""
+    if isinstance(name, str) and (len(name) > LONGEST_NAME or printable(name) != name):
+        raise SceneError(
+            f"{source}: name = {shown(name)}: expected at most {LONGEST_NAME} printable characters"
+        )
+
+
+def named_lists(document: Document, source: str) -> Document:
+    """A scene document in which lists of tables that have names, [[groom]], are tables by name,
+    [groom.NAME]; one that says no name is called by its place, groom1.
+
+    Raises
+    ------
+    SceneError      a name twice, or one that is no text
+    """
+    out = dict(document)
+    for key in NAMED & out.keys():
+        if not isinstance(out[key], list) or not all(isinstance(t, dict) for t in out[key]):
+            continue
+        tables: Document = {}
+        for number, table in enumerate(out[key], 1):
+            name = table.get("name", f"{key}{number}")
+            if not isinstance(name, str) or name in tables:
+                raise SceneError(
+                    f"{source}: {key}[{number - 1}].name = {shown(name)}: expected a text that no "
+                    f"other {key} has"
+                )
+            tables[name] = {k: value for k, value in table.items() if k != "name"}
+        out[key] = tables
+    return out
+
+
+def _decoded(table: Any, hint: Any, at: Keys, document: Document, source: str) -> Any:
+    """The value of a type that part of a document stands for; kinds of tables are looked up."""
+    kinds, named = kinds_at(at), named_tables(hint)
+    if kinds is None and named and isinstance(table, dict):
+        return {
+            name: _decoded(each, named, (*at, name), document, source)
+            for name, each in table.items()
+        }
+    if hint in (Scene, Groom) and isinstance(table, dict):
+        values = {}
+        for field in msgspec.structs.fields(hint):
+            keys = (*at, field.name)
+            if field.name not in table:
+                if field.required:
+                    refuse_missing(".".join(keys), source)
+            elif table[field.name] is not None or field.default is not None:
+                values[field.name] = _decoded(table[field.name], field.type, keys, document, source)
+        try:
+            return hint(**values)
+        except ValueError as error:
+            raise SceneError(f"{source}: {'.'.join(at)}.{error}") from None
+    try:
+        return msgspec.convert(table, kinds.type_of(table) if kinds else hint)
+    except msgspec.ValidationError as error:
+        refuse_value(str(error), document, at, source)
+
+
+def _check_grooms(scene: Scene, source: str) -> None:
+    """Refuse a scene without a groom, and a groom without a fibre that can be built.
+
+    Raises
+    ------
+    SceneError
+    """
+    if scene.curves is not None and scene.groom:
+        raise SceneError(
+            f"{source}: curves is given beside groom.{next(iter(scene.groom))}; [curves] is the "
+            f"short form of one groom: make it a [groom.NAME] with a table curves"
+        )
+    if scene.curves is None and not scene.groom:
+        refuse_missing("curves", source)
+    for name, groom in scene.groom.items():
+        if groom.material is not None and groom.material not in scene.material:
+            known = ", ".join(scene.material) or "none"
+            raise SceneError(
+                f"{source}: groom.{name}.material = {shown(groom.material)}: the scene has no "
+                f"material of that name; known: {known}"
+            )
+        if groom.fibre is None and groom.material is None and scene.fibre is None:
+            raise SceneError(
+                f"{source}: groom.{name} has no fibre; give it a material, a table fibre of its "
+                f"own, or the scene a [fibre]"
+            )
+    if scene.curves is not None and scene.fibre is None:
+        refuse_missing("fibre", source)
+    fibres = {
+        "": scene.fibre,
+        **{f" material.{name}:": material for name, material in scene.material.items()},
+        **{f" groom.{name}:": groom.fibre for name, groom in scene.groom.items()},
+    }
+    for where, fibre in fibres.items():
+        try:
+            if fibre is not None:
+                fibre.build()
+        except FibreError as error:
+            raise SceneError(f"{source}:{where} {error}") from None
+
+
+def _with_kinds(table: Any, at: Keys) -> Any:
+    """A table in which all say their kinds that may leave them out."""
+    if not isinstance(table, dict):
         return table
-    return {kinds.tag: kinds.default, **table}
+    kinds = kinds_at(at)
+    out = {key: _with_kinds(value, (*at, key)) for key, value in table.items()}
+    return out if kinds is None or kinds.default is None else {kinds.tag: kinds.default, **out}

@@ -9,9 +9,20 @@ from typing import Any, NoReturn
 import msgspec
 
 from furcl.errors import SceneError
-from furcl.scene.schema import allows_none, choices, example, fields, table_type, type_at
-from furcl.scene.tables import KINDS, Kinds, Scene
+from furcl.scene.schema import (
+    allows_none,
+    choices,
+    example,
+    fields,
+    named_tables,
+    table_type,
+    type_at,
+)
+from furcl.scene.tables import Keys, Kinds, Scene, kinds_at
 from furcl.values import LONGEST_SHOWN, shown
+
+MOST_IN_NAME = 64
+NAME = re.compile(rf"[\w-]{{1,{MOST_IN_NAME}}}")
 
 
 def check_tables(document: object, source: str) -> None:
@@ -21,26 +32,39 @@ def check_tables(document: object, source: str) -> None:
     ------
     SceneError      names the key, and the nearest known one
     """
-    _check_table(document, Scene, "", source)
+    _check_keys(document, Scene, (), source)
 
 
-def _check_table(table: Any, struct: type[msgspec.Struct], where: str, source: str) -> None:
+def _check_keys(table: Any, struct: type[msgspec.Struct], at: Keys, source: str) -> None:
     types = fields(struct)
     for key, value in table.items():
         if key not in types:
-            _refuse_key(key, struct, where, source)
-        kinds = KINDS.get(key) if struct is Scene else None
-        inner = table_type(kinds, types[key], value)
-        if isinstance(value, dict) and inner:
-            _check_table(value, inner, f"{where}{key}.", source)
-        elif isinstance(value, dict) and kinds:
-            _refuse_kind(key, kinds, value, source)
-        elif (inner or kinds) and not (value is None and allows_none(types[key])):
-            example = _example(f"{where}{key}", kinds, inner)
-            raise SceneError(
-                f"{source}: {where}{key} = {shown(value)}: expected a table, for example "
-                f"{example}; {_keys_of(kinds, inner)}"
-            )
+            _refuse_key(key, struct, at, source)
+        _check_value(value, types[key], (*at, key), source)
+
+
+def _check_value(value: Any, hint: Any, at: Keys, source: str) -> None:
+    kinds, where = kinds_at(at), ".".join(at)
+    inner = table_type(kinds, hint, value)
+    named = named_tables(hint)
+    if isinstance(value, dict) and named:
+        for name, each in value.items():
+            if not NAME.fullmatch(name):
+                raise SceneError(
+                    f"{source}: {where}.{_cut(name)}: a name has letters, digits, _ and -, at most "
+                    f"{MOST_IN_NAME}"
+                )
+            _check_value(each, named, (*at, name), source)
+    elif isinstance(value, dict) and inner:
+        _check_keys(value, inner, at, source)
+    elif isinstance(value, dict) and kinds:
+        _refuse_kind(where, kinds, value, source)
+    elif (inner or kinds or named) and not (value is None and allows_none(hint)):
+        example = _example(f"{where}.NAME" if named else where, kinds, inner)
+        keys = _keys_of(kinds, inner) or "its keys are names"
+        raise SceneError(
+            f"{source}: {where} = {shown(value)}: expected a table, for example {example}; {keys}"
+        )
 
 
 def _keys_of(kinds: Kinds | None, struct: type[msgspec.Struct] | None) -> str:
@@ -51,11 +75,12 @@ def _keys_of(kinds: Kinds | None, struct: type[msgspec.Struct] | None) -> str:
     return f"its keys are {', '.join(fields(struct))}"
 
 
-def _refuse_key(key: str, struct: type[msgspec.Struct], where: str, source: str) -> NoReturn:
+def _refuse_key(key: str, struct: type[msgspec.Struct], at: Keys, source: str) -> NoReturn:
+    where = "".join(f"{outer}." for outer in at)
     known, config = fields(struct), struct.__struct_config__
     kind = f" with {config.tag_field} = {config.tag!r}" if config.tag_field else ""
     near = difflib.get_close_matches(key, known, 1, 0.6)
-    kinds = KINDS.get(where.removesuffix("."))
+    kinds = kinds_at(at)
     others = kinds.tables().items() if kinds else ()
     owners = [repr(name) for name, table in others if key in fields(table)]
     if owners:
@@ -96,14 +121,16 @@ def refuse_missing(where: str, source: str) -> NoReturn:
     )
 
 
-def refuse_value(message: str, document: dict[str, Any], name: str, source: str) -> NoReturn:
-    """Refuse a value of the table or value `name`, by what msgspec says of it.
+def refuse_value(message: str, document: dict[str, Any], at: Keys, source: str) -> NoReturn:
+    """Refuse a value of the table or value that keys lead to, by what msgspec says of it.
 
     Its message ends with the path inside that table.
     """
     what, _, path = message.partition(" - at `$")
-    keys, where = [name], name
-    value: Any = document[name]
+    keys, where = list(at), ".".join(at)
+    value: Any = document
+    for key in at:
+        value = value[key]
     for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", path):
         where += f"[{index}]" if index else f".{key}"
         if index:

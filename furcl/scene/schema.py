@@ -5,15 +5,15 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Annotated, Any, Literal, Union
 
 import msgspec
 from msgspec import Meta
 
-from furcl.scene.tables import KINDS, Kinds, Scene
+from furcl.scene.tables import Keys, Kinds, Scene, kinds_at
 
 Struct = msgspec.Struct
-Keys = tuple[str, ...]
 
 _PLAIN = (int, float, str)
 
@@ -42,13 +42,21 @@ def type_at(document: object, keys: Keys) -> Any:
     """The type of the value that dotted keys of a scene document name; None if nothing is known."""
     hint: Any = Scene
     for depth, key in enumerate(keys):
-        kinds = KINDS.get(keys[0]) if depth == 1 else None
+        kinds = kinds_at(keys[:depth])
         if kinds and key == kinds.tag:
             return str
-        struct = table_type(kinds, hint, document)
-        hint = None if struct is None else fields(struct).get(key)
+        if named := named_tables(hint):
+            hint = named
+        else:
+            struct = table_type(kinds, hint, document)
+            hint = None if struct is None else fields(struct).get(key)
         document = document.get(key) if isinstance(document, dict) else None
     return hint
+
+
+def named_tables(hint: Any) -> Any:
+    """The type of each of the tables that a table of named ones holds; None if it is not such."""
+    return typing.get_args(hint)[1] if typing.get_origin(hint) is dict else None
 
 
 def is_text(hint: Any) -> bool:
@@ -92,6 +100,11 @@ def files_in(document: object, where: Keys = ()) -> Iterator[tuple[Keys, dict[st
         if isinstance(value, str) and (key == "file" or key.endswith("_file")):
             yield (*where, key), document
         yield from files_in(value, (*where, key))
+
+
+def files_of(scene: Scene) -> list[Path]:
+    """The files that a scene names."""
+    return [Path(table[keys[-1]]) for keys, table in files_in(msgspec.to_builtins(scene))]
 
 
 def _parts(hint: Any) -> list[Any]:

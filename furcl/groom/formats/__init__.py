@@ -110,15 +110,17 @@ def load_curves(
         radii,
         curves.offsets,
         source=f"{path} (radius_scale = {radius_scale:g})",
-        colours=curves.colours,
         dropped=curves.dropped,
+        attributes=curves.attributes,
+        ignored=curves.ignored,
     )
 
 
 def save_curves(curves: Curves, path: str | os.PathLike[str]) -> None:
     """Write a groom to a .hair or .npz file; the file appears whole or not at all.
 
-    Reading it again gives the same points, radii, offsets and colours, bit for bit.
+    Reading it again gives the same points, radii, offsets and attributes, bit for bit. A .hair file
+    keeps colours only, one a point; what it has no place for is named in the log.
 
     Raises
     ------

@@ -1,5 +1,6 @@
-"""Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, colours."""
+"""Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, and attributes."""
 
+import io
 import math
 import struct
 import zipfile
@@ -10,26 +11,30 @@ import numpy as np
 from numpy.lib import format as npy
 
 from furcl.errors import GroomError
+from furcl.groom.attributes import RESERVED, value_rows
 from furcl.groom.curves import ADVICE, Curves, adopted
 from furcl.memory import require_memory
 from furcl.values import shown
 
-MEMBERS = ("points", "radii", "radius", "offsets", "counts", "colours")
 MAX_MEMBERS = 10_000
 # The end of a zip file: a record and a comment, and two records of larger files before it.
 END_BYTES, END64_BYTES = 22, 56 + 20
 LONGEST_END = END64_BYTES + END_BYTES + 65535
+# numpy reads no longer header of an array; one may claim 4 GB.
+HEADER_BYTES = 1 << 14
 # deflate cannot pack tighter, so a member that claims more is lying.
 MAX_DEFLATE_RATIO = 1032
 
 
 def read_npz(path: Path, default_radius: float | None = None) -> Curves:
-    """Read an .npz groom. Members with other names are ignored; nothing is ever unpickled.
+    """Read an .npz groom. Nothing is ever unpickled.
 
     points (N, 3); radii (N,) or a scalar, also under the name radius; offsets (S + 1,) or
-    counts (S,), any integers; colours (N, 3), optional. Or points (S, K, 3), S strands of K, with
-    radii (S, K) or a scalar and no offsets or counts. The sizes of arrays that their headers claim
-    are compared with the file and with the memory before anything is allocated.
+    counts (S,), any integers. Or points (S, K, 3), S strands of K, with radii (S, K) or a scalar
+    and no offsets or counts. Numbers under other names are attributes where they have a value, or
+    three, for each point or strand (furcl.groom.attributes); other members are not read, and named
+    in `Curves.ignored`. The sizes of arrays that their headers claim are compared with the file and
+    with the memory before anything is allocated.
 
     Parameters
     ----------
@@ -43,10 +48,17 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
     try:
         _check_listed(path)
         with zipfile.ZipFile(path) as archive:
+            members = archive.namelist()
             arrays = {
                 name: _read_member(archive, name, path)
-                for name in MEMBERS
-                if f"{name}.npy" in archive.namelist()
+                for name in RESERVED
+                if f"{name}.npy" in members
+            }
+            others = [name for name in members if name.removesuffix(".npy") not in arrays]
+            fitting = [name for name in others if _is_attribute(archive, name, arrays)]
+            attributes = {
+                name.removesuffix(".npy"): _read_member(archive, name.removesuffix(".npy"), path)
+                for name in fitting
             }
     except (GroomError, OSError):
         raise
@@ -65,16 +77,39 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
         _radii(arrays, default_radius, path),
         _offsets(arrays, path),
         source=str(path),
-        colours=arrays.get("colours"),
+        attributes=attributes,
+        ignored=[name.removesuffix(".npy") for name in others if name not in fitting],
     )
 
 
 def write_npz(curves: Curves, file: BinaryIO, path: Path) -> None:
-    """Write points, radii, offsets and, if there are any, colours to an open binary file."""
+    """Write points, radii, offsets and attributes to an open binary file."""
     arrays = {"points": curves.points, "radii": curves.radii, "offsets": curves.offsets}
-    if curves.colours is not None:
-        arrays["colours"] = curves.colours
-    np.savez(file, allow_pickle=False, **arrays)
+    np.savez(file, allow_pickle=False, **arrays, **curves.attributes)
+
+
+def _is_attribute(archive, member, arrays):
+    """Whether a member holds numbers for each point or strand; `colours` always wants to be one."""
+    points = arrays.get("points")
+    if points is None or not member.endswith(".npy"):
+        return False
+    if member == "colours.npy":
+        return True
+    try:
+        with archive.open(member) as file:
+            shape, dtype, _ = _read_header(file)
+    except Exception:  # of whatever it is, it is no array of numbers
+        return False
+    grid = points.shape[:2] if points.ndim == 3 else None
+    counts, offsets = arrays.get("counts"), arrays.get("offsets")
+    n_strands = (
+        grid[0] if grid
+        else len(np.atleast_1d(counts)) if counts is not None
+        else max(np.size(offsets) - 1, 0)
+    )  # fmt: skip
+    n_points = math.prod(grid) if grid else len(np.atleast_1d(points))
+    rows = value_rows(shape, n_strands, n_points, grid)
+    return dtype.kind in "fiub" and rows is not None
 
 
 def _check_listed(path):
@@ -93,7 +128,7 @@ def _check_listed(path):
         if count > MAX_MEMBERS:
             raise GroomError(
                 f"{path}: lists {count} arrays; at most {MAX_MEMBERS} are read. Write those of the "
-                f"groom alone, {', '.join(MEMBERS)}."
+                "groom alone."
             )
 
 
@@ -112,8 +147,8 @@ def _read_member(archive, name, path):
     require_memory(path, n_bytes=4 * info.file_size, error=GroomError)
     try:
         with archive.open(info) as file:
-            shape, dtype = _read_header(file)
-            claimed = math.prod(shape) * dtype.itemsize + file.tell()
+            shape, dtype, n_header = _read_header(file)
+        claimed = math.prod(shape) * dtype.itemsize + n_header
         if claimed != info.file_size:
             raise GroomError(
                 f"{path}: array '{name}' of shape {shape} and type {dtype} claims {claimed} bytes; "
@@ -129,7 +164,9 @@ def _read_member(archive, name, path):
         ) from error
 
 
-def _read_header(file):
+def _read_header(member):
+    """Shape, type and number of bytes of an array's header."""
+    file = io.BytesIO(member.read(HEADER_BYTES))
     version = npy.read_magic(file)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, _, dtype = read(file)
@@ -137,7 +174,7 @@ def _read_header(file):
         raise ValueError("it holds Python objects, which are never loaded")
     if not all(type(size) is int and size >= 0 for size in shape):
         raise ValueError(f"its shape is {shown(shape)}, which is none")
-    return shape, dtype
+    return shape, dtype, file.tell()
 
 
 def _radii(arrays, default_radius, path):
