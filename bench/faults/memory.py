@@ -46,10 +46,18 @@ def _read_light(path: Path) -> object:
     return LatLong.load(path)
 
 
+def _grow(path: Path) -> object:
+    from furcl.groom.grow import GENERATORS
+
+    keys = json.loads(path.read_text())
+    return GENERATORS[keys.pop("generator")](**keys)
+
+
 READERS: dict[str, Callable[[Path], object]] = {
     "groom": _read_groom,
     "image": _read_image,
     "light": _read_light,
+    "generator": _grow,
 }
 
 
@@ -65,6 +73,7 @@ def main() -> None:
     import OpenEXR  # noqa: F401
 
     import furcl.groom.formats
+    import furcl.groom.grow
     import furcl.image.image
     import furcl.light.latlong  # noqa: F401
 
@@ -165,10 +174,8 @@ def _hdr(form: str, path: Path, n: int) -> int:
     with path.open("wb") as file:
         file.write(head)
         if form == "old runs":  # a pixel, and runs of 255 and 255 * 256 of it
-            rest, line = width - 1, bytes([9, 9, 9, 128])
-            for shift in range(3):
-                line += bytes([1, 1, 1, rest >> 8 * shift & 255])
-            file.write(line * height)
+            runs = bytes([1, 1, 1, width - 1 & 255, 1, 1, 1, width - 1 >> 8])
+            file.write((bytes([9, 9, 9, 128]) + runs) * height)
         elif form == "new runs":
             start = bytes([2, 2, width >> 8, width & 255])
             for row in quads:
@@ -256,15 +263,50 @@ def _entries(folder: Path, quick: bool) -> str:
 
 def _generator(folder: Path, quick: bool) -> str:
     """Within all ranges, and more than the machine has."""
-    from furcl.groom.grow import fur
+    from furcl.groom.grow import GENERATORS
+    from furcl.memory import available_bytes
 
-    said = refused(lambda: fur(n_strands=500_000, n_points=4096), GroomError, "n_strands", "memory")
-    changes = ["--set", "curves.n_strands=500000", "--set", "curves.n_points=4096"]
+    n_strands = min(available_bytes() // (4096 * 60) + 1000, 524_287)
+    said = ""
+    for name, sizes in (
+        ("fur", {"n_strands": n_strands}),
+        ("hair", {"n_strands": n_strands}),
+        ("fur", {"n_strands": 1, "n_clumps": n_strands}),
+        ("fibre", {"count": n_strands}),
+    ):
+        grow = partial(GENERATORS[name], **sizes, n_points=4096)
+        said = refused(grow, GroomError, "MiB of memory are available")
+    changes = ["--set", f"curves.n_strands={n_strands}", "--set", "curves.n_points=4096"]
     ended = furcl("render", "red_fox", *changes, "-o", folder / "a.exr")
     assert ended.peak_bytes < 1e9, f"{ended.peak_bytes / 1e6:.0f} MB"
-    told(ended, 2, "n_strands")
+    told(ended, 2, "MiB of memory are available")
     return said
 
+
+def _grown(generator: str, sizes: dict[str, int], folder: Path, quick: bool) -> str:
+    """What growing takes is within what is asked for before."""
+    from furcl.groom.grow.ranges import POINT_BYTES, STRAND_BYTES
+
+    scale = 1 if quick else 16
+    keys = {name: size * (1 if name == "n_points" else scale) for name, size in sizes.items()}
+    (folder / "a.json").write_text(json.dumps({"generator": generator, **keys}))
+    taken, outcome = peak("generator", folder / "a.json")
+    assert outcome == "read", outcome
+    n_grown = sum(size for name, size in keys.items() if name != "n_points")
+    asked = n_grown * (STRAND_BYTES + POINT_BYTES * keys["n_points"])
+    assert taken <= asked + BESIDE_BYTES, f"{taken / 1e6:.0f} MB, asked for {asked / 1e6:.0f}"
+    return f"{taken / 1e6:.0f} MB of {asked / 1e6:.0f} that are asked for"
+
+
+_GROWN: tuple[tuple[str, dict[str, int]], ...] = (
+    ("fur", {"n_strands": 10_000, "n_points": 100}),
+    ("fur", {"n_strands": 300_000, "n_points": 2}),
+    ("fur", {"n_strands": 10_000, "n_points": 100, "n_clumps": 10_000}),
+    ("hair", {"n_strands": 10_000, "n_points": 100}),
+    ("hair", {"n_strands": 10_000, "n_points": 100, "n_clumps": 10_000}),
+    ("fibre", {"count": 10_000, "n_points": 100}),
+    ("fibre", {"count": 60_000, "n_points": 2}),
+)
 
 CASES = [
     *(Case(f"memory: {name}", partial(_measured, name)) for name in _FILES),
@@ -279,7 +321,11 @@ CASES = [
         )
     ),
     Case("npz of very many members", _entries),
-    Case("a generator that fills the memory", _generator),
+    *(
+        Case(f"memory: {name}, {' '.join(map(str, sizes.values()))}", partial(_grown, name, sizes))
+        for name, sizes in _GROWN
+    ),
+    Case("generators that fill the memory", _generator),
 ]
 
 if __name__ == "__main__":

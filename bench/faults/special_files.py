@@ -12,7 +12,15 @@ from pathlib import Path
 from faults.case import Case
 from faults.harness import refused
 from faults.scenes import SCENE
-from furcl.errors import BenchError, FurclError, GroomError, ImageError, SamplerError, SceneError
+from furcl.errors import (
+    BenchError,
+    FurclError,
+    GroomError,
+    ImageError,
+    MeshError,
+    SamplerError,
+    SceneError,
+)
 from furcl.fibre import samplers
 from furcl.groom import formats
 from furcl.groom.formats import load_curves
@@ -20,6 +28,8 @@ from furcl.image.image import Image
 from furcl.light.latlong import LatLong
 from furcl.report.pages import write_pages
 from furcl.scene.read import load_scene
+from furcl.surface.mesh.read import read_mesh
+from furcl.surface.mesh.texture import read_texture
 
 HANGS_S = 20.0
 
@@ -91,6 +101,8 @@ _READERS: dict[str, tuple[str, Callable[[Path], object], type[FurclError]]] = {
     "a groom of a format of one's own": ("a.strands", _own_format, GroomError),
     "a picture": ("a.exr", Image.load, ImageError),
     "a light": ("a.hdr", LatLong.load, ImageError),
+    "a mesh": ("a.obj", read_mesh, MeshError),
+    "a texture": ("a.png", read_texture, ImageError),
     "a sampler": ("a.clh", _sampler, SamplerError),
     "results": ("results.json", _pages, BenchError),
 }

@@ -37,7 +37,10 @@ def checked_values(
     found = {}
     n_strands, n_points = len(offsets) - 1, int(offsets[-1])
     for name, array in given.items():
-        values = np.asarray(array)
+        try:
+            values = np.asarray(array)
+        except (TypeError, ValueError) as error:
+            raise GroomError(f"{source}: {name} is no array: {error}. Give numbers.") from None
         if name in RESERVED or not name:
             raise GroomError(
                 f"{source}: attribute {name!r}: that name has another meaning; choose one that is "

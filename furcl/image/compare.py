@@ -161,7 +161,8 @@ def compare(test: Image, reference: Image) -> dict[str, Any]:
 
 
 def _pair(test: ArrayLike, reference: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    a, b = np.asarray(test, np.float64), np.asarray(reference, np.float64)
+    with np.errstate(invalid="ignore"):  # signalling NaN, refused below
+        a, b = np.asarray(test, np.float64), np.asarray(reference, np.float64)
     if a.shape != b.shape or a.ndim != 3 or a.shape[2] != 3:
         raise ImageError(
             f"the pictures have the shapes {a.shape} and {b.shape}; two (H, W, 3) of one size "

@@ -70,7 +70,8 @@ def _unpacks(packed: bytes, n_bytes: int, compression: int) -> bool:
     if compression == NO or len(packed) == n_bytes:
         return len(packed) == n_bytes
     inflate = zlib.decompressobj()
-    return len(inflate.decompress(packed, n_bytes + 1)) == n_bytes and inflate.eof
+    whole = len(inflate.decompress(packed, n_bytes + 1)) == n_bytes and inflate.eof
+    return whole and not inflate.unused_data
 
 
 def _is_flat(data: Bytes, part: Part) -> bool:

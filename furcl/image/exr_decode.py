@@ -87,13 +87,18 @@ def decode_apart(path: Path, names: Sequence[str], shape: tuple[int, int]) -> Pl
 
 def _reason(said: str, code: int) -> str:
     """What the library wrote, without the file's name; or how its process ended."""
-    errors = re.findall(r"\(EXR_ERR_\w+\) (.+)", said)
-    if errors:
-        return errors[0]
+    if "MemoryError" in said or "bad_alloc" in said:
+        return f"it takes more than {MEMORY_FACTOR + 1} times the memory of its pixels"
+    for sign in (r"\(EXR_ERR_\w+\) (.+)", r"Exception raised reading pixel data for part 0 - (.+)"):
+        found = re.search(sign, said)
+        if found:
+            return found[1]
     if code < 0:
         return f"the OpenEXR library crashes on it (signal {-code})"
     lines = [line.strip() for line in said.splitlines() if line.strip()]
-    return lines[-1] if lines else "the OpenEXR library does not say why"
+    return (
+        lines[-1].removeprefix("ValueError: ") if lines else "the OpenEXR library does not say why"
+    )
 
 
 def _limit_memory(n_bytes: int) -> None:
@@ -119,11 +124,8 @@ def main(request: str) -> int:
     _limit_memory(MEMORY_FACTOR * n_bytes)
     try:
         decode(Path(path), names, planes)
-    except MemoryError:
-        print(f"it takes more than {MEMORY_FACTOR + 1} times the memory of its pixels")
-        return 1
-    except ValueError as error:
-        print(error)
+    except (MemoryError, ValueError) as error:
+        print(f"{type(error).__name__}: {error}")
         return 1
     return 0
 

@@ -140,7 +140,9 @@ class Image:
                 f"{path}: the header attribute {STATS_ATTRIBUTE} is not JSON; the file was edited, "
                 f"save the picture again"
             ) from None
-        samples = channels["samples"].astype(np.uint32) if "samples" in channels else None
+        samples = None
+        if "samples" in channels:
+            samples = _whole_numbers(channels["samples"], path)
         if samples is not None and variance is not None:
             variance[samples == 1] = np.nan
         stops = header.get(EXPOSURE_ATTRIBUTE, 0.0)
@@ -277,6 +279,16 @@ def _zero(
     values: NDArray[np.float32] | None, where: NDArray[np.bool_]
 ) -> NDArray[np.float32] | None:
     return None if values is None else np.where(where, np.float32(0.0), values)
+
+
+def _whole_numbers(samples: NDArray[np.float32], path: str | Path) -> NDArray[np.uint32]:
+    """The channel `samples` as uint32."""
+    if not (samples.min() >= 0.0 and samples.max() < 2.0**32):
+        raise ImageError(
+            f"{path}: the channel samples goes from {samples.min()} to {samples.max()}; it holds "
+            f"numbers of samples, 0 to 4294967295; leave it out, or save the picture again"
+        )
+    return samples.astype(np.uint32)
 
 
 def _header(stats: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,11 +18,12 @@ def load_results(folder: Path, benchmark: str) -> dict[str, Any]:
     path = folder / "results.json"
     try:
         results = json.loads(read_text(path))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise BenchError(
             f"{path}: cannot be read: {error}; give the folder of a `furcl bench {benchmark}`"
         ) from None
-    if not str(results.get("schema", "")).startswith(f"furcl-{benchmark}"):
+    schema = results.get("schema", "") if isinstance(results, dict) else ""
+    if not str(schema).startswith(f"furcl-{benchmark}"):
         raise BenchError(f"{path}: not the results of `furcl bench {benchmark}`")
     return results
 

@@ -5,15 +5,21 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from furcl.errors import BenchError
+from jinja2 import TemplateError
+
+from furcl.errors import BenchError, FurclError
 from furcl.files import read_text
 from furcl.report import convergence, stability
+from furcl.values import shown
 
 # Benchmarks that have a page; the others print their tables.
 WRITERS = {
     "furcl-convergence": convergence.write_report,
     "furcl-stability": stability.write_report,
 }
+
+# What the pages raise on results that lack something, or hold something else.
+_WRONG_CONTENT = (LookupError, TypeError, ValueError, AttributeError, TemplateError)
 
 
 def write_pages(folder: str | Path) -> list[Path]:
@@ -31,11 +37,20 @@ def write_pages(folder: str | Path) -> list[Path]:
     for path in sorted(Path(folder).rglob("results.json")):
         try:
             schema = str(json.loads(read_text(path)).get("schema"))
-        except (OSError, ValueError, AttributeError) as error:
+        except (OSError, ValueError, AttributeError, RecursionError) as error:
             raise BenchError(f"{path}: cannot be read: {error}; run the benchmark again") from None
         writer = WRITERS.get(schema.rpartition("-")[0])
-        if writer:
+        if not writer:
+            continue
+        try:
             pages.append(writer(path.parent))
+        except FurclError:
+            raise
+        except _WRONG_CONTENT as error:
+            raise BenchError(
+                f"{path}: not whole results: {type(error).__name__}: {shown(str(error))}; it was "
+                f"edited or damaged, run the benchmark again"
+            ) from error
     if not pages:
         raise BenchError(
             f"{folder}: holds no results of `furcl bench convergence` or `furcl bench stability`, "

@@ -102,6 +102,12 @@ def absolute_files(document: Document, folder: Path) -> None:
 
 def _split(override: str) -> tuple[Keys, str, str]:
     """Keys and value of an override, and the override for messages."""
+    try:
+        override.encode()
+    except UnicodeEncodeError:
+        raise SceneError(
+            f"override {shown(override)}: it is not UTF-8; correct the terminal's encoding"
+        ) from None
     dotted, equals, text = override.partition("=")
     keys = tuple(key.strip() for key in dotted.split("."))
     if not equals or not all(keys) or len(keys) > MAX_DEPTH:

@@ -1,6 +1,8 @@
 """Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, and attributes."""
 
+import io
 import math
+import struct
 import zipfile
 from pathlib import Path
 from typing import BinaryIO
@@ -14,6 +16,12 @@ from furcl.groom.curves import ADVICE, Curves, adopted
 from furcl.memory import require_memory
 from furcl.values import shown
 
+MAX_MEMBERS = 10_000
+# The end of a zip file: a record and a comment, and two records of larger files before it.
+END_BYTES, END64_BYTES = 22, 56 + 20
+LONGEST_END = END64_BYTES + END_BYTES + 65535
+# numpy reads no longer header of an array; one may claim 4 GB.
+HEADER_BYTES = 1 << 14
 # deflate cannot pack tighter, so a member that claims more is lying.
 MAX_DEFLATE_RATIO = 1032
 
@@ -38,6 +46,7 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
     GroomError                   the file's name, the array or strand, and a remedy
     """
     try:
+        _check_listed(path)
         with zipfile.ZipFile(path) as archive:
             members = archive.namelist()
             arrays = {
@@ -88,7 +97,7 @@ def _is_attribute(archive, member, arrays):
         return True
     try:
         with archive.open(member) as file:
-            shape, dtype = _read_header(file)
+            shape, dtype, _ = _read_header(file)
     except Exception:  # of whatever it is, it is no array of numbers
         return False
     grid = points.shape[:2] if points.ndim == 3 else None
@@ -101,6 +110,26 @@ def _is_attribute(archive, member, arrays):
     n_points = math.prod(grid) if grid else len(np.atleast_1d(points))
     rows = value_rows(shape, n_strands, n_points, grid)
     return dtype.kind in "fiub" and rows is not None
+
+
+def _check_listed(path):
+    """Refuse a zip file that lists more members than any groom has, before they are."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - LONGEST_END, 0))
+        end = file.read()
+    # Where Python's zipfile looks: without a comment, else before one.
+    for at in {len(end) - END_BYTES, end.rfind(b"PK\5\6")}:
+        if end[at : at + 4] != b"PK\5\6" or at < 0 or at + END_BYTES > len(end):
+            continue
+        (count,) = struct.unpack_from("<H", end, at + 10)
+        larger = at - END64_BYTES
+        if larger >= 0 and end[larger : larger + 4] == b"PK\6\6":
+            (count,) = struct.unpack_from("<Q", end, larger + 32)
+        if count > MAX_MEMBERS:
+            raise GroomError(
+                f"{path}: lists {count} arrays; at most {MAX_MEMBERS} are read. Write those of the "
+                "groom alone."
+            )
 
 
 def _read_member(archive, name, path):
@@ -118,8 +147,8 @@ def _read_member(archive, name, path):
     require_memory(path, n_bytes=4 * info.file_size, error=GroomError)
     try:
         with archive.open(info) as file:
-            shape, dtype = _read_header(file)
-            claimed = math.prod(shape) * dtype.itemsize + file.tell()
+            shape, dtype, n_header = _read_header(file)
+        claimed = math.prod(shape) * dtype.itemsize + n_header
         if claimed != info.file_size:
             raise GroomError(
                 f"{path}: array '{name}' of shape {shape} and type {dtype} claims {claimed} bytes; "
@@ -135,7 +164,9 @@ def _read_member(archive, name, path):
         ) from error
 
 
-def _read_header(file):
+def _read_header(member):
+    """Shape, type and number of bytes of an array's header."""
+    file = io.BytesIO(member.read(HEADER_BYTES))
     version = npy.read_magic(file)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, _, dtype = read(file)
@@ -143,7 +174,7 @@ def _read_header(file):
         raise ValueError("it holds Python objects, which are never loaded")
     if not all(type(size) is int and size >= 0 for size in shape):
         raise ValueError(f"its shape is {shown(shape)}, which is none")
-    return shape, dtype
+    return shape, dtype, file.tell()
 
 
 def _radii(arrays, default_radius, path):

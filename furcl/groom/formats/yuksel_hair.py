@@ -60,7 +60,8 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
         points = _read(file, "<f4", 3 * n_points, path).reshape(n_points, 3)
         if sizes["thickness"]:
             radii = _read(file, "<f4", n_points, path)
-            radii *= 0.5
+            with np.errstate(invalid="ignore", under="ignore"):  # NaN is refused below
+                radii *= 0.5
             if default_radius is not None and not radii.any():
                 radii = np.float32(default_radius)
         else:

@@ -103,7 +103,7 @@ def fur(
     GroomError                   a parameter outside its range
     """
     check("fur", FUR_RANGES, locals())
-    check_size("fur", n_strands, n_points)
+    check_size("fur", n_strands, n_points, n_clumps)
     if not any(comb):
         raise GroomError(
             "fur: comb = (0, 0, 0) is no direction; give one, lean_deg = 0 is upright."

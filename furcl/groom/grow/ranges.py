@@ -9,6 +9,11 @@ from typing import Any
 
 from furcl.errors import GroomError
 from furcl.groom.curves import MAX_POINTS
+from furcl.memory import available_bytes
+
+# The most that growing takes, of which bench/faults/memory.py holds the generators to: copies of
+# points in float64 among them.
+POINT_BYTES, STRAND_BYTES = 60, 400
 
 _PLACE = (-1e6, 1e6)
 _UNIT = (0.0, 1.0)
@@ -118,10 +123,23 @@ def _check_number(where, name, value, lowest, highest):
         )
 
 
-def check_size(generator: str, n_strands: int, n_points: int) -> None:
-    """Refuse a groom of more points than can be indexed."""
+def check_size(generator: str, n_strands: int, n_points: int, n_clumps: int = 0) -> None:
+    """Refuse a groom of more points than can be indexed, or than fit into the memory.
+
+    Raises
+    ------
+    GroomError
+    """
     if n_strands * n_points > MAX_POINTS:
         raise GroomError(
             f"{generator}: {n_strands} strands of {n_points} points make {n_strands * n_points}; "
             f"at most {MAX_POINTS} can be indexed. Lower n_strands or n_points."
+        )
+    n_grown = n_strands + n_clumps
+    needed = n_grown * (STRAND_BYTES + POINT_BYTES * n_points)
+    there = available_bytes()
+    if needed > there:
+        raise GroomError(
+            f"{generator}: {n_grown} strands of {n_points} points take {needed / 2**20:.0f} MiB to "
+            f"grow; {there / 2**20:.0f} MiB of memory are available. Lower n_strands or n_points."
         )

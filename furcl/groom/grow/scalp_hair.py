@@ -107,7 +107,7 @@ def hair(
     waving = [s if g is None else g for s, g in zip(STYLES[style], given, strict=True)]
     turns = length * waving[1] if waving[0] > 0.0 else 0.0
     k = _points_per_strand(n_points, length / min(scalp_radii), turns)
-    check_size("hair", n_strands, k)
+    check_size("hair", n_strands, k, n_clumps)
     rng = np.random.default_rng(seed)
     solid = Ellipsoid(_column(scalp_centre), _column(scalp_radii))
     hairline = (hairline_front_deg, hairline_side_deg, hairline_back_deg)

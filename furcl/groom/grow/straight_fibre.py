@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from furcl.groom.curves import Curves, adopted
-from furcl.groom.grow.ranges import FIBRE_RANGES, check
+from furcl.groom.grow.ranges import FIBRE_RANGES, check, check_size
 
 
 def fibre(
@@ -36,6 +36,7 @@ def fibre(
     GroomError                   a parameter outside its range
     """
     check("fibre", FIBRE_RANGES, locals())
+    check_size("fibre", count, n_points)
     along = "xyz".index(axis)
     points = np.tile(np.asarray(centre, dtype=np.float64), (count, n_points, 1))
     points[:, :, along] += length * np.linspace(-0.5, 0.5, n_points)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import MeshError
-from furcl.files import named
+from furcl.files import check_regular, named
 
 Array = NDArray[np.float64]
 
@@ -53,6 +53,7 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
             f"with Blender or trimesh"
         )
     try:
+        check_regular(path)
         objects = reader(path)
     except OSError as error:
         raise MeshError(f"{path}: cannot be read: {error.strerror}; give a mesh") from None

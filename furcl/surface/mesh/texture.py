@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import ImageError
-from furcl.files import named
+from furcl.files import check_regular, named
 from furcl.image.colour import srgb_decode
 from furcl.image.image import Image
 from furcl.image.size import check_size
@@ -50,6 +50,7 @@ def _read_srgb(path: Path) -> NDArray[np.float32]:
     from PIL import Image as Pillow
 
     try:
+        check_regular(path)
         with Pillow.open(path) as picture:
             check_size(f"{path}: its header", picture.height, picture.width)
             if picture.mode.startswith("I;16") or picture.mode == "I":
