@@ -151,7 +151,7 @@ class LayerBuffers:
 
         def allocate(wanted: bool, name: str, words: int) -> cl.Buffer | None:
             size = 4 * words * n_pixels
-            return memory.allocate(f"layers {name}", size, zero=True) if wanted else None
+            return memory.allocate(f"layers: {name}", size, zero=True) if wanted else None
 
         names, channels = part.names, features.channels
         self.first_hits = allocate(
@@ -202,10 +202,10 @@ class LayerBuffers:
         if self._ids:
             words = 32 * np.arange(-(-curves.n_points // 32))
             before = np.searchsorted(curves.offsets[1:] - 1, words).astype(np.uint32)
-            self._ids = [self._memory.upload("layers strands", before)]
+            self._ids = [self._memory.upload("layers: strands", before)]
         if self._grooms:
             starts = curves.offsets[grooms.first_strands].astype(np.uint32)
-            uploaded = self._memory.upload("layers grooms", starts)
+            uploaded = self._memory.upload("layers: grooms", starts)
             first_lamp = len(starts) + len(surfaces)
             self._grooms = [uploaded, np.uint32(len(starts)), np.uint32(first_lamp)]
 
