@@ -9,7 +9,10 @@ from mesh_shapes import box, nearest, soup, sphere
 from ray_reference import random_directions, random_walks, strands, unit
 
 from furcl.device.layout import NO_SEGMENT, TRIANGLE
+from furcl.oracle.embree_rays import EmbreeScene
 from furcl.rendering.rays import Rays, Tracer
+from furcl.surface.mesh.read import read_mesh
+from furcl.surface.mesh.triangles import Triangles
 
 
 def far_groom():
@@ -161,3 +164,40 @@ def test_edges_that_are_decided_with_rounding_leak(device, rng, monkeypatch):
     origins, d = through(rng, triangles, 300_000)
     _, name = trace(device, triangles.corners, origins, d)
     assert (name == NO_SEGMENT).any()
+
+
+@pytest.mark.parametrize("fibres", ["far away", "among them"])
+def test_hits_are_those_of_embree(device, fibres, rng):
+    """Triangles and curves in one scene. Measured: none disagrees."""
+    corners = np.concatenate([sphere(24).corners, soup(rng, 3000).corners])
+    curves = far_groom() if fibres == "far away" else random_walks(rng, 2000, 10, 0.05, 2e-3)
+    origins, d = rays_at(rng, corners, 100_000)
+    t, name = trace(device, corners, origins, d, curves=curves)
+    far = np.full((len(d), 1), np.float32(1e30))
+    t_ref, name_ref, _ = EmbreeScene(curves, corners).intersect(
+        np.column_stack([origins, far]), np.column_stack([d, far])
+    )
+    both = (name != NO_SEGMENT) & (name_ref != NO_SEGMENT)
+    with np.errstate(invalid="ignore", over="ignore"):
+        near = both & (np.abs(t - t_ref) <= 1e-4 * np.abs(t_ref))
+    differ = np.mean(~((name == name_ref) | near))
+    assert (triangle_of(name) >= 0).mean() > 0.2
+    assert ((name < TRIANGLE).mean() > 0.02) == (fibres == "among them")
+    assert differ < 1e-3
+
+
+@pytest.mark.parametrize(("mesh", "scale"), [("sintel_head.obj", 1.0), ("bunny.ply", 10.0)])
+def test_hits_on_real_meshes_are_those_of_embree(device, mesh, scale, shared_data, rng):
+    found = read_mesh(shared_data / "mesh" / mesh)
+    corners = Triangles.from_arrays(scale * found.vertices, found.faces).corners
+    origins, d = rays_at(rng, corners, 50_000)
+    t, name = trace(device, corners, origins, d)
+    far = np.full((len(d), 1), np.float32(1e30))
+    t_ref, name_ref, _ = EmbreeScene(far_groom(), corners).intersect(
+        np.column_stack([origins, far]), np.column_stack([d, far])
+    )
+    both = (name != NO_SEGMENT) & (name_ref != NO_SEGMENT)
+    with np.errstate(invalid="ignore", over="ignore"):
+        near = both & (np.abs(t - t_ref) <= 1e-4 * np.abs(t_ref))
+    assert both.mean() > 0.2
+    assert np.mean(~((name == name_ref) | near)) < 1e-3

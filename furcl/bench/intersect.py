@@ -23,6 +23,7 @@ from furcl.oracle.embree_rays import EmbreeScene
 from furcl.rendering.rays import Rays, Tracer
 from furcl.scene.camera import Camera
 from furcl.scene.read import find_scene, load_scene
+from furcl.surface.mesh.mesh import Meshes
 
 # Distances that differ by no more than this part are one hit (joints are hit twice at one place).
 TOLERANCE = 1e-4
@@ -58,6 +59,19 @@ def groom_and_camera(name: str) -> tuple[Curves, Camera]:
     return curves, Camera().resolved(curves.points, 1.0, float(curves.radii.max()))
 
 
+def meshes_of(name: str) -> Meshes | None:
+    """The meshes of the scene that a name stands for; None where it is no scene or has none.
+
+    Raises
+    ------
+    SceneError, MeshError, ImageError       if a file cannot be used
+    """
+    path = find_scene(name)
+    if path.suffix.lower() != ".toml":
+        return None
+    return load_scene(path).build_meshes()
+
+
 def _generate(kind: str, count: str) -> Curves:
     """The groom `kind:count`."""
     if not count.isdecimal():
@@ -88,7 +102,8 @@ def run(
     rounds: int = 5,
     seed: int = 1,
 ) -> dict[str, Any]:
-    """Trace the same rays by furcl and by Embree (flat linear curves, all cores), in turns.
+    """Trace the same rays by furcl and by Embree (flat linear curves, and the triangles of a
+    scene's meshes; all cores), in turns.
 
     Parameters
     ----------
@@ -116,18 +131,23 @@ def run(
         Tracer(opened, GENERATORS["fur"](n_strands=1000), point_radii)
     host_start = _host_peak()
     curves, camera = groom_and_camera(groom)
+    meshes = meshes_of(groom)
+    corners = None if meshes is None else meshes.corners()
+    if corners is not None:
+        Tracer(opened, GENERATORS["fur"](n_strands=1000), not curves.one_radius, corners[:1])
     start_cpu = time.process_time()
-    tracer = Tracer(opened, curves, not curves.one_radius)
+    tracer = Tracer(opened, curves, not curves.one_radius, corners)
     build_cpu = time.process_time() - start_cpu
     bvh, host_peak = tracer.bvh, _host_peak()
     start = time.perf_counter()
-    scene = EmbreeScene(curves)
+    scene = EmbreeScene(curves, corners)
     embree_seconds = time.perf_counter() - start
     results = {
         **circumstances(opened),
         "groom": groom,
         "strands": curves.n_strands,
         "segments": curves.n_segments,
+        "triangles": 0 if corners is None else len(corners),
         "bytes_per_segment": bvh.n_bytes / curves.n_segments,
         "build_seconds": bvh.build_seconds,
         "build_cpu_seconds": build_cpu if opened.is_cpu else None,
@@ -142,7 +162,7 @@ def run(
         "rounds": rounds,
         "rays": [
             _measure(tracer, scene, rays, rounds)
-            for rays in ray_sets(curves, camera, size, scene, seed)
+            for rays in ray_sets(curves, camera, size, scene, seed, corners)
         ],
     }
     write_json(results, Path(out) / "results.json")

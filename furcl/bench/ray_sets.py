@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furcl.device.layout import NO_SEGMENT
+from furcl.device.layout import NO_SEGMENT, TRIANGLE
 from furcl.groom.curves import Curves
 from furcl.oracle.embree_rays import EmbreeScene
 from furcl.scene.camera import Camera
@@ -34,7 +34,14 @@ class RaySet:
     directions: NDArray[np.float32]
 
 
-def ray_sets(curves: Curves, camera: Camera, size: int, scene: EmbreeScene, seed: int):
+def ray_sets(
+    curves: Curves,
+    camera: Camera,
+    size: int,
+    scene: EmbreeScene,
+    seed: int,
+    corners: NDArray[np.float32] | None = None,
+):
     """Primary, first-bounce, fourth-bounce and shadow rays.
 
     primary     one jittered camera ray a pixel, in tiles of 4 x 4 pixels
@@ -44,22 +51,24 @@ def ray_sets(curves: Curves, camera: Camera, size: int, scene: EmbreeScene, seed
 
     A scattered ray starts outside the fibre that it leaves: from the axis 4 r / sin(angle to the
     tangent) along the ray, where a renderer would begin to count hits of that fibre. So both
-    tracers are given one and the same ray, and nothing needs to be left out.
+    tracers are given one and the same ray, and nothing needs to be left out. From triangles rays
+    start a ten thousandth of the scene above the side that was hit, and stay on it.
 
     Parameters
     ----------
     camera : Camera         resolved
     size : int              width and height of the picture [px], a multiple of 4
+    corners : (n, 3, 3)     triangles beside the groom, as `scene` has them
     """
     rng = np.random.default_rng(seed)
     lo, hi = curves.bounds()
     primary = _primary(camera, size, rng)
-    hits = scene.intersect(*primary)[1:]
-    light = _light_points(lo, hi, int((hits[0] != NO_SEGMENT).sum()), rng)
-    shadow = _leave(curves, *hits, light, rng)
-    rays = bounce1 = _leave(curves, *hits, None, rng)
+    hits = scene.intersect(*primary)
+    light = _light_points(lo, hi, int((hits[1] != NO_SEGMENT).sum()), rng)
+    shadow = _leave(curves, corners, primary, hits, light, rng)
+    rays = bounce1 = _leave(curves, corners, primary, hits, None, rng)
     for _ in range(BOUNCES - 1):
-        rays = _leave(curves, *scene.intersect(*rays)[1:], None, rng)
+        rays = _leave(curves, corners, rays, scene.intersect(*rays), None, rng)
     order = rng.permutation(len(rays[0]))
     return [
         RaySet("primary", False, *primary),
@@ -95,15 +104,31 @@ def _light_points(lo, hi, n, rng):
     return centre + size * (np.array([-0.8, -0.8, 1.2]) + square)
 
 
-def _leave(curves: Curves, segment, u, target, rng):
-    """Rays from the hits, towards `target` (n, 3), or uniform over the sphere."""
+def _leave(curves: Curves, corners, rays, hits, target, rng):
+    """Rays from the hits of rays, towards `target` (n, 3), or uniform over the sphere."""
+    t, segment, u = hits
     hit = segment != NO_SEGMENT
+    triangle = segment[hit] >= TRIANGLE
     v, w = segment[hit].astype(np.int64), u[hit, None].astype(np.float64)
+    v[triangle] = 0  # stands for a segment until it is replaced below
     a, b = curves.points[v].astype(np.float64), curves.points[v + 1].astype(np.float64)
     position = a + w * (b - a)
     radius = curves.radii[v] * (1.0 - w[:, 0]) + curves.radii[v + 1] * w[:, 0]
+    normal = np.zeros_like(a)
+    if triangle.any():
+        origins, directions = (v[hit][triangle, :3].astype(np.float64) for v in rays)
+        on = corners[(segment[hit][triangle] - np.uint32(TRIANGLE)) // 3].astype(np.float64)
+        face = _unit(np.cross(on[:, 1] - on[:, 0], on[:, 2] - on[:, 0]))
+        face *= -np.sign((face * directions).sum(axis=1, keepdims=True))
+        size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+        position[triangle] = origins + t[hit][triangle, None] * directions + 1e-4 * size * face
+        normal[triangle] = face
     way = rng.standard_normal(a.shape) if target is None else target - position
+    if target is None:
+        below = (way * normal).sum(axis=1) < 0.0
+        way[below] *= -1.0
     d = _unit(way)
+    radius[triangle] = 0.0
     sine = np.linalg.norm(np.cross(d, _unit(b - a)), axis=1)
     skip = 4.0 * radius / np.maximum(sine, 1e-3)
     far = FAR if target is None else np.maximum(np.linalg.norm(way, axis=1) - skip, 0.0)

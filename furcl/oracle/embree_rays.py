@@ -1,55 +1,70 @@
-"""Embree's own flat linear curves: the oracle for hits and the yardstick for speed."""
+"""Embree's own flat linear curves and triangles: oracle for hits and yardstick for speed."""
 
 import ctypes
 import os
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from furcl.bvh.embree import EmbreeDevice, library
-from furcl.device.layout import NO_SEGMENT
+from furcl.device.layout import TRIANGLE
 from furcl.groom.curves import Curves
 from furcl.oracle.native import atomic_add, call_query, floats_at, words_at
 
-FLAT_LINEAR_CURVE = 17
+FLAT_LINEAR_CURVE, TRIANGLES = 17, 0
 BUFFER_INDEX, BUFFER_VERTEX = 0, 1
-FORMAT_UINT, FORMAT_FLOAT4 = 0x5001, 0x9004
+FORMAT_UINT, FORMAT_UINT3, FORMAT_FLOAT3, FORMAT_FLOAT4 = 0x5001, 0x5003, 0x9003, 0x9004
 
 RAYS_PER_TURN = 256
 RAY_HIT_WORDS = 32  # RTCRayHit has 20 or 24, by how the library was configured
 
 
 class EmbreeScene:
-    """A groom as Embree's flat linear curves.
+    """A groom as Embree's flat linear curves, and triangles beside it.
 
     Embree ignores hits nearer than twice the fibre's radius, whatever fibre it is. To ask for all
     hits from an origin on, every ray starts `backward` further back and its hits count from there
     on (tnear), which no node or segment that the ray really meets is left out by.
     """
 
-    def __init__(self, curves: Curves):
+    def __init__(self, curves: Curves, corners: NDArray[np.float32] | None = None):
         self._library, self._device = library(), EmbreeDevice()
         self._vertices = np.concatenate([curves.points, curves.radii[:, None]], axis=1)
         self.segments = curves.segment_vertices().astype(np.uint32)
         self.backward = np.float32(2.1 * float(curves.radii.max()))
         self.scene = self._library.rtcNewScene(self._device.handle)
-        geometry = self._library.rtcNewGeometry(self._device.handle, FLAT_LINEAR_CURVE)
-        for kind, fmt, array in (
+        self._attach(
+            FLAT_LINEAR_CURVE,
             (BUFFER_VERTEX, FORMAT_FLOAT4, self._vertices),
-            (BUFFER_INDEX, FORMAT_UINT, self.segments),
-        ):
-            stride = array.itemsize * (4 if array.ndim == 2 else 1)
+            (BUFFER_INDEX, FORMAT_UINT, self.segments[:, None]),
+        )
+        if corners is not None:
+            # Embree may read 16 bytes at the last vertex.
+            points = np.concatenate([corners.reshape(-1, 3), np.zeros((1, 3))]).astype(np.float32)
+            numbers = np.arange(corners.size // 3, dtype=np.uint32).reshape(-1, 3)
+            self._triangles = points, numbers
+            self._attach(
+                TRIANGLES,
+                (BUFFER_VERTEX, FORMAT_FLOAT3, points),
+                (BUFFER_INDEX, FORMAT_UINT3, numbers),
+            )
+        self._library.rtcCommitScene(self.scene)
+        self._device.check("build a scene")
+        self.n_threads = len(os.sched_getaffinity(0))
+        self._intersect = _address(self._library.rtcIntersect1)
+        self._occluded = _address(self._library.rtcOccluded1)
+
+    def _attach(self, kind, *buffers):
+        """Give the scene a geometry; it is numbered from 0 in the order of these calls."""
+        geometry = self._library.rtcNewGeometry(self._device.handle, kind)
+        for what, fmt, array in buffers:
             self._library.rtcSetSharedGeometryBuffer(
-                geometry, kind, 0, fmt, array.ctypes.data, 0, stride, len(array)
+                geometry, what, 0, fmt, array.ctypes.data, 0, array.strides[0], len(array)
             )
         self._library.rtcCommitGeometry(geometry)
         self._library.rtcAttachGeometry(self.scene, geometry)
         self._library.rtcReleaseGeometry(geometry)
-        self._library.rtcCommitScene(self.scene)
-        self._device.check("build a scene of curves")
-        self.n_threads = len(os.sched_getaffinity(0))
-        self._intersect = _address(self._library.rtcIntersect1)
-        self._occluded = _address(self._library.rtcOccluded1)
 
     def __del__(self):
         if getattr(self, "scene", None):
@@ -66,18 +81,21 @@ class EmbreeScene:
         Returns
         -------
         t : (n,) float32
-        segment : (n,) uint32           its first vertex, NO_SEGMENT for a miss
+        segment : (n,) uint32           its first vertex, of triangles TRIANGLE + that; NO_SEGMENT
+                                        for a miss
         u : (n,) float32                along the segment, 0..1
         """
         n = len(origins)
         t, u = np.empty(n, np.float32), np.empty(n, np.float32)
-        primitive = np.empty(n, np.uint32)
+        primitive, geometry = np.empty(n, np.uint32), np.empty(n, np.uint32)
         _trace(
             self._intersect, self.scene, origins, directions, self.backward, self.n_threads,
-            np.zeros(1, np.int64), t, primitive, u,
+            np.zeros(1, np.int64), t, primitive, geometry, u,
         )  # fmt: skip
-        hit = primitive != NO_SEGMENT
+        hit, triangle = geometry == 0, geometry == 1
         primitive[hit] = self.segments[primitive[hit]]
+        primitive[triangle] = np.uint32(TRIANGLE) + np.uint32(3) * primitive[triangle]
+        u[triangle] = 0.0
         return t, primitive, u
 
     def occluded(self, origins, directions):
@@ -86,7 +104,8 @@ class EmbreeScene:
         t = np.empty(n, np.float32)
         _trace(
             self._occluded, self.scene, origins, directions, self.backward, self.n_threads,
-            np.zeros(1, np.int64), t, np.empty(0, np.uint32), np.empty(0, np.float32),
+            np.zeros(1, np.int64), t, np.empty(0, np.uint32), np.empty(0, np.uint32),
+            np.empty(0, np.float32),
         )  # fmt: skip
         return np.isneginf(t)
 
@@ -96,8 +115,10 @@ def _address(function):
 
 
 @numba.njit(cache=True, parallel=True, nogil=True)
-def _trace(function, scene, origins, directions, backward, n_threads, turn, t, primitive, u):
-    """Fill t, and for closest hits primitive and u; threads take rays a turn at a time."""
+def _trace(
+    function, scene, origins, directions, backward, n_threads, turn, t, primitive, geometry, u
+):
+    """Fill t, and for closest hits the others; threads take rays a turn at a time."""
     n = len(origins)
     closest = len(primitive) > 0
     buffers = np.empty((n_threads, RAY_HIT_WORDS + 16), np.float32)
@@ -126,4 +147,5 @@ def _trace(function, scene, origins, directions, backward, n_threads, turn, t, p
                 t[i] = ray[8] - backward
                 if closest:
                     primitive[i] = words[17]
+                    geometry[i] = words[18]
                     u[i] = ray[15]
