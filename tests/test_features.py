@@ -13,7 +13,7 @@ from scene_documents import fur_patch
 from furcl.bench import features as bench
 from furcl.device import program
 from furcl.device.features import Features
-from furcl.device.layout import FILTERS, SEQUENCES
+from furcl.device.layout import FILTERS, LAYERS, SEQUENCES
 from furcl.device.source import kernel_text
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
@@ -23,6 +23,7 @@ from furcl.groom.curves import Curves
 from furcl.light import kinds as lights
 from furcl.light.lamps.layout import KINDS, LampsPart
 from furcl.paths import scene_folder
+from furcl.rendering.layers import LayerPart
 from furcl.rendering.learning import LearningPart
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
@@ -31,6 +32,8 @@ from furcl.rendering.wavefront import stage_defines, stage_files
 from furcl.scene.read import load_scene, with_overrides
 from furcl.surface.ellipsoid import PART
 from furcl.surface.mesh.mesh import MeshPart
+
+EVERY_LAYER = LayerPart(LAYERS, tuple(lobe.name for lobe in MODEL.lobes))
 
 # Every field of Features and of the fibre's, and the values that scenes can give it.
 FIBRE_VALUES = {
@@ -68,6 +71,8 @@ VALUES = {
     "roulette": (False, True),
     "shadow_roulette": (False, True),
     "learning": (None, LearningPart()),
+    "layers": (None, EVERY_LAYER, LayerPart(("depth",)), LayerPart(("strand", "indirect"))),
+    "transparent": (False, True),
     "variance": (False, True),
     "planned": (False, True),
     "statistics": (False, True),
@@ -265,6 +270,11 @@ ABSENT = [
     ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
     ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
     ({"lens": False}, "generate", ("sin_turn",)),
+    ({"layers": None}, "generate", ("PS_FIRST", "set_path_uint(paths, PS_HIT_SEGMENT")),
+    ({"layers": None}, "shade", ("note_for_layers(", "before_lobe", "PS_FIRST_LIGHT_0")),
+    ({"layers": None}, "shade_surface", ("note_for_layers(", "bounce.first")),
+    ({"layers": None}, "intersect_shadow", ("PS_FIRST_SEEN", "rays.depth")),
+    ({"transparent": False}, "shade_escaped", ("behind",)),
     ({"crop": False}, "generate", ("p.x += wave->crop_left",)),
     ({"orthographic": False}, "generate", ("ray.origin += beside",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
@@ -286,7 +296,8 @@ ABSENT = [
 def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
-        "crop": True, "orthographic": True, "sequence": "sobol", "planned": True, "fibres": 2,
+        "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
+        "sequence": "sobol", "planned": True, "fibres": 2,
         "shadow_roulette": True, "learning": LearningPart(),
         "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip
