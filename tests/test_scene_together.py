@@ -55,7 +55,7 @@ def document(tmp_path):
                 "transform": {"translate": [0.6, 0, 0]},
             },
         },
-        "mesh": {"floor": {"file": str(path), "albedo": ALBEDO, "emission": GLOW}},
+        "mesh": {"floor": {"file": str(path), "albedo": ALBEDO, "emission": GLOW, "smooth": False}},
         "lamp": {
             "key": {
                 "kind": "quad", "position": [0, 0.6, LAMP_HEIGHT], "target": [0, -1.0, 0.0],
