@@ -13,7 +13,7 @@ from scene_documents import fur_patch
 from furcl.bench import features as bench
 from furcl.device import program
 from furcl.device.features import Features
-from furcl.device.layout import FILTERS, LAYERS, SEQUENCES
+from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, SEQUENCES
 from furcl.device.source import kernel_text
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
@@ -51,6 +51,7 @@ VALUES = {
     "fibres": (1, 2),
     "channels": (1, 3),
     "light": (None, *(light.kind for light in lights.BUILT_IN)),
+    "absorption": ABSORPTIONS,
     "lamps": (
         None,
         LampsPart(KINDS),
@@ -269,6 +270,8 @@ ABSENT = [
     ({"meshes": MeshPart(textures=False)}, "shade_surface", ("texture_colour(",)),
     ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
     ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
+    ({"absorption": "constant"}, "shade", ("take_absorption(", "mixed_node(", "absorptions")),
+    ({"absorption": "point"}, "shade", ("strand_of_vertex(", "popcount")),
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"layers": None}, "generate", ("PS_FIRST", "set_path_uint(paths, PS_HIT_SEGMENT")),
     ({"layers": None}, "shade", ("note_for_layers(", "before_lobe", "PS_FIRST_LIGHT_0")),
@@ -297,7 +300,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
-        "sequence": "sobol", "planned": True, "fibres": 2,
+        "sequence": "sobol", "planned": True, "fibres": 2, "absorption": "strand",
         "shadow_roulette": True, "learning": LearningPart(),
         "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip

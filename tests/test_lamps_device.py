@@ -115,7 +115,7 @@ def test_rays_weigh_light_by_the_density_of_samples(device, name, place, rng):
         if len(aims):
             weight = density / (density + found.pdf[area]) if density else np.ones(len(aims))
             own = found.radiance[area] * weight[:, None]
-            same = np.isclose(seen[: len(aims)], own, rtol=1e-3).all(axis=1)
+            same = np.all(np.isclose(seen[: len(aims)], own, rtol=1e-3), axis=1)
             assert np.mean(same[first]) > 0.9995
 
 
@@ -123,7 +123,7 @@ def closed_forms() -> dict[str, tuple[Lights, np.ndarray, np.ndarray, float]]:
     """Lights, a point, its normal, and the irradiance there."""
     from furcl.scene.lamps import DiskLamp, DistantLamp, PointLamp, QuadLamp, SphereLamp, SpotLamp
 
-    above, up = (0.0, 0.0, 2.0), np.array([0.0, 0.0, 1.0])
+    at, up = (0.0, 0.0, 2.0), np.array([0.0, 0.0, 1.0])
     # A rectangle a x b over its corner's foot at height c (Siegel and Howell, configuration 11).
     x, y = 0.6 / 2.0, 0.4 / 2.0
     corner = (
@@ -132,19 +132,19 @@ def closed_forms() -> dict[str, tuple[Lights, np.ndarray, np.ndarray, float]]:
     ) / (2.0 * np.pi)
     facing = DistantLamp(angle_deg=40.0, irradiance=1.7)
     lamps = {
-        "quad": (QuadLamp(size=(1.2, 0.8), radiance=3.0, position=above), 3.0 * np.pi * 4.0 * corner),
-        "disk": (DiskLamp(radius=0.7, radiance=3.0, position=above), 3.0 * np.pi * 0.49 / (0.49 + 4.0)),
-        "sphere": (SphereLamp(radius=0.7, radiance=3.0, position=above), 3.0 * np.pi * 0.49 / 4.0),
-        "point": (PointLamp(intensity=3.0, position=above), 3.0 / 4.0),
-        "spot": (SpotLamp(intensity=3.0, cone_deg=20.0, position=above), 3.0 / 4.0),
+        "quad": (QuadLamp(size=(1.2, 0.8), radiance=3.0, position=at), 3.0 * np.pi * 4.0 * corner),
+        "disk": (DiskLamp(radius=0.7, radiance=3.0, position=at), 3.0 * np.pi * 0.49 / (0.49 + 4.0)),
+        "sphere": (SphereLamp(radius=0.7, radiance=3.0, position=at), 3.0 * np.pi * 0.49 / 4.0),
+        "point": (PointLamp(intensity=3.0, position=at), 3.0 / 4.0),
+        "spot": (SpotLamp(intensity=3.0, cone_deg=20.0, position=at), 3.0 / 4.0),
         "sun": (facing, 1.7),
         "direction": (DistantLamp(angle_deg=0.0, irradiance=1.7), 1.7),
         "a sphere's power, far away": (
-            SphereLamp(radius=0.01, power=5.0, position=above), 5.0 / (4.0 * np.pi) / 4.0
+            SphereLamp(radius=0.01, power=5.0, position=at), 5.0 / (4.0 * np.pi) / 4.0
         ),
-        "a point's power": (PointLamp(power=5.0, position=above), 5.0 / (4.0 * np.pi) / 4.0),
+        "a point's power": (PointLamp(power=5.0, position=at), 5.0 / (4.0 * np.pi) / 4.0),
         "a quad's power": (
-            QuadLamp(size=(0.01, 0.02), power=5.0, position=above), 5.0 / np.pi / 4.0
+            QuadLamp(size=(0.01, 0.02), power=5.0, position=at), 5.0 / np.pi / 4.0
         ),
     }  # fmt: skip
     return {

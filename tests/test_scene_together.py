@@ -115,10 +115,10 @@ def test_sources_of_light_add_up(device, document):
     [
         # light samples of the lamp as if it were always taken
         (r"taken\.chance \* placed", "taken.chance", "stages/shade.cl"),
-        # rays to the lamp weighed as if it were never sampled
+        # rays that leave the scene weighed as if the lamp were never sampled
         (
-            r"return (radiance \* ray_weight\(pdf,) near_chance",
-            r"return \1 0.0f * near_chance",
+            r"ray_weight\(pdf, chance \* infinite_chance\(lights, 0u\)",
+            "ray_weight(pdf, infinite_chance(lights, 0u)",
             "stages/shade_escaped.cl",
         ),
     ],

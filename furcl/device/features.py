@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from furcl.device.layout import FILTERS, LAYERS, SEQUENCES, Fields
+from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, SEQUENCES, Fields
 
 
 class Part(Protocol):
@@ -58,6 +58,7 @@ class Features:
     layers : Part or None       layers of the film, see furcl.rendering.layers
     fibres : int                fibre materials of the scene, each with kernels of its own
     channels : int              3 for RGB, 1 where fibres, surface and light are grey
+    absorption : str            one of layout.ABSORPTIONS, of the fibre of a kernel
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
@@ -84,6 +85,7 @@ class Features:
     layers: Part | None = None
     fibres: int = 1
     channels: int = 3
+    absorption: str = "constant"
     light_sampling: bool = False
     point_radii: bool = True
     lens: bool = False
@@ -136,9 +138,10 @@ class Features:
         values: dict[str, int | str] = {
             f"FURCL_{field.name.upper()}": int(getattr(self, field.name))
             for field in fields(self)
-            if field.name not in (*PARTS, "filter", "sequence")
+            if field.name not in (*PARTS, "filter", "sequence", "absorption")
         }
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
+        values["FURCL_ABSORPTION"] = ABSORPTIONS.index(self.absorption)  # pyright: ignore[reportArgumentType]
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)

@@ -86,6 +86,14 @@ GRID_MARGIN = 0.015625
 TABLE_ROWS = 32
 TABLE_BINS = 100
 
+# Where absorption differs from hit to hit: by what, and for how many absorptions there are tables.
+Absorption = Literal["constant", "given", "strand", "point"]
+"""What the absorption of a fibre is: the same at all hits, that of its parameters at a hit (probe),
+or a value of each strand or point."""
+ABSORPTIONS: tuple[Absorption, ...] = get_args(Absorption)
+ABSORPTION_NODES = 8
+ABSORPTION_HEADER = 4
+
 # Marginal densities, with the same rows: nodes of |phi| from 0 to pi; offsets of their quadrature,
 # shared out among so many work-items.
 MARGINAL_PHIS = 65
@@ -152,6 +160,8 @@ def _constants() -> dict[str, str]:
         "ROW_RADIUS": ROW_RADIUS,
         "TABLE_ROWS": TABLE_ROWS,
         "TABLE_BINS": TABLE_BINS,
+        "ABSORPTION_NODES": ABSORPTION_NODES,
+        "ABSORPTION_HEADER": ABSORPTION_HEADER,
         "MARGINAL_PHIS": MARGINAL_PHIS,
         "MARGINAL_OFFSETS": MARGINAL_OFFSETS,
         "MARGINAL_PARTS": MARGINAL_PARTS,
@@ -159,6 +169,7 @@ def _constants() -> dict[str, str]:
     return {
         **{name: f"{value:#x}u" for name, value in words.items()},
         **{name: str(value) for name, value in numbers.items()},
+        **{f"ABSORPTION_{name.upper()}": str(i) for i, name in enumerate(ABSORPTIONS)},
         **{f"FILTER_{name.upper()}": str(i) for i, name in enumerate(FILTERS)},
         "GRID_MARGIN": hex_float(GRID_MARGIN),
         "RELATIVE_EPSILON": hex_float(RELATIVE_EPSILON),

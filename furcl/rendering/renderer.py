@@ -6,7 +6,6 @@ import logging
 import os
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
 
 import numpy as np
 
@@ -14,12 +13,10 @@ from furcl.device import layout
 from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.errors import SceneError
-from furcl.groom.curves import Curves
-from furcl.groom.joined import Grooms
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.image.size import Window
-from furcl.rendering.arguments import check_curves, check_stops
+from furcl.rendering.arguments import Given, check_curves, check_stops
 from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
@@ -83,7 +80,7 @@ class Renderer:
         device: str | Device | None = None,
         wave_size: int | None = None,
         specialised: bool = True,
-        curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+        curves: Given = None,
         target: Target | None = None,
     ) -> None:
         check_curves(curves)
@@ -346,7 +343,7 @@ def render(
     target_rmse: float | None = None,
     target_relmse: float | None = None,
     wave_size: int | None = None,
-    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+    curves: Given = None,
     checkpoint: str | os.PathLike | None = None,
     checkpoint_minutes: float | None = None,
     resume: str | os.PathLike | None = None,

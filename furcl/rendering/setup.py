@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -17,12 +18,15 @@ from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
+from furcl.errors import GroomError
 from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
+from furcl.fibre.packed import Packed, bind
 from furcl.groom.curves import Curves
-from furcl.groom.joined import Grooms
+from furcl.groom.joined import Groom, Grooms
 from furcl.light.lights import Lights
+from furcl.rendering.arguments import Given
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
@@ -95,7 +99,7 @@ def set_up(
     *,
     wave_size: int | None = None,
     specialised: bool = True,
-    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+    curves: Given = None,
     with_target: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
@@ -111,13 +115,11 @@ def set_up(
     fibres = scene.build_fibres()
     meshes = scene.build_meshes()
     features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
-    if not specialised:
-        features = everything_on(features)
 
     def take_grooms() -> Grooms:
         with timed("curves"):
             given = curves.result() if isinstance(curves, Future) else curves
-            return (scene.build_grooms() if given is None else Grooms.of(given)).traced()
+            return (scene.build_grooms() if given is None else _given(scene, given)).traced()
 
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
@@ -138,9 +140,20 @@ def set_up(
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
+        bound: dict[str, Packed] = {}
+        if any(table.absorption for table in scene.materials().values()):
+            with timed("tables"):
+                bound = _bind(scene, fibres, taken.result())
+            fibres |= {name: _bound_fibre(fibres[name], packed) for name, packed in bound.items()}
+            grey = all(packed.grey for packed in bound.values())
+            features = scene_features(
+                scene, list(fibres.values()), lights, meshes, with_target, grey
+            )
+        if not specialised:
+            features = everything_on(features)
         with timed("tables"):
             materials = [
-                _material(memory, scene, name, fibre, features, specialised)
+                _material(memory, scene, name, fibre, features, specialised, bound.get(name))
                 for name, fibre in fibres.items()
             ]
         grooms = taken.result()
@@ -183,6 +196,24 @@ def set_up(
     )
 
 
+def _given(scene: Scene, curves: Curves | Grooms) -> Grooms:
+    """The grooms of a scene, where the caller has them.
+
+    Raises
+    ------
+    GroomError      curves for a scene of several grooms
+    """
+    if isinstance(curves, Grooms):
+        return curves
+    names = list(scene.grooms())
+    if len(names) > 1:
+        raise GroomError(
+            f"curves are given, and scene {scene.name!r} has {len(names)} grooms, "
+            f"{', '.join(names)}; give what its build_grooms() returns, or leave curves out"
+        )
+    return Grooms([Groom(names[0], curves)])
+
+
 def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:
     """What statistics say of grooms, in the order of their strands."""
     return [
@@ -200,19 +231,38 @@ def _material(
     fibre: object,
     features: Features,
     specialised: bool,
+    bound: Packed | None,
 ) -> FibreMaterial:
     """A fibre of the scene on the device."""
+    varies = bound is not None and bound.by != "constant"
     model, residual = model_of(fibre), scene.render.residual
     needed = model.features(fibre, residual=residual)
     return build_material(
         memory,
         fibre,
-        features,
+        features.with_(absorption=bound.by) if bound and varies else features,
         samplers.find(scene.render.sampling),
         fibre_features=needed if specialised else needed.everything_on(),
         drop_lobes=specialised,
         name=name,
+        absorbs=bound.absorbs if bound and varies else None,
+        absorption=bound.words if bound and varies else None,
     )
+
+
+def _bind(scene: Scene, fibres: dict[str, Any], grooms: Grooms) -> dict[str, Packed]:
+    """What differs between the strands of each material that says so."""
+    bound = {}
+    for number, (name, table) in enumerate(scene.materials().items()):
+        if table.absorption and grooms.of_material(number):
+            fibre = fibres[name]
+            bound[name] = bind(table.absorption, model_of(fibre), fibre, grooms, number)
+    return bound
+
+
+def _bound_fibre(fibre: Any, bound: Packed) -> Any:
+    """A fibre with the largest absorption that its strands have."""
+    return model_of(fibre).with_absorption(fibre, bound.sigma)
 
 
 def _wavefront(

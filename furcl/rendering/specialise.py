@@ -26,12 +26,14 @@ def scene_features(
     lights: Lights,
     meshes: Meshes | None = None,
     with_target: bool = False,
+    grey_strands: bool = True,
 ) -> Features:
     """What the kernels of a scene, with what is built from it, need, whatever the grooms are.
 
     The light is sampled (MIS) where `light_sampling` says so, and by "auto" unless every direction
     is worth the same. Adaptive allocation and target errors need plans. With FURCL_DEBUG=1 in the
-    environment kernels check their indices.
+    environment kernels check their indices. `grey_strands`: whether the absorptions of strands and
+    points, where they differ, are grey.
 
     Raises
     ------
@@ -54,7 +56,7 @@ def scene_features(
     light_sampling = render.light_sampling == "mis" or (
         render.light_sampling == "auto" and lights.worth_sampling
     )
-    grey = all(model_of(fibre).is_grey(fibre) for fibre in fibres) and lights.grey
+    grey = grey_strands and all(model_of(fibre).is_grey(fibre) for fibre in fibres) and lights.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
     grey = grey and (meshes is None or meshes.is_grey)
     adjoint = render.roulette == "adjoint"

@@ -186,8 +186,10 @@ class Wavefront:
         record = RECORD_BYTES if features.debug else 0
         self.state = memory.allocate("path state", 4 * n_planes * n_slots + record)
         self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.sums.size // 4)
-        for buffer in (*(m.buffer for m in materials), light):
-            self.checks.watch(buffer)
+        of_materials = (buffer for m in materials for buffer in (m.buffer, m.absorption))
+        for buffer in (*of_materials, light):
+            if buffer is not None:
+                self.checks.watch(buffer)
         self.active, self.next, self.misses, self.shadows = (
             memory.allocate(f"queue {name}", 4 * n_slots)
             for name in ("active", "next", "misses", "shadows")
@@ -380,7 +382,13 @@ class Wavefront:
             self.vertices,
             fibre.material.buffer,
             fibre.lobe_counts,
+            *self._absorption(fibre),
         )
+
+    def _absorption(self, fibre: FibreStages) -> list[cl.Buffer]:
+        """The absorption of a material's strands or points, and which vertices end strands."""
+        values = fibre.material.absorption
+        return [] if values is None else [values, self.geometry[2]]
 
     @property
     def _learned(self) -> list[cl.Buffer]:
@@ -404,6 +412,7 @@ class Wavefront:
             fibre.material.buffer,
             self.light,
             *self._learned,
+            *self._absorption(fibre),
         )
 
     def shade_surface(self, wave: np.ndarray, active: int, depth: int) -> None:

@@ -2,6 +2,9 @@
 #include "core/continue_path.clh"
 #include "fibre/sampler.clh"
 #include "geometry/fibre_hits.clh"
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+#include "fibre/absorption.clh"
+#endif
 #if FURCL_LIGHT_SAMPLING
 #include "light/lights.clh"
 #endif
@@ -104,7 +107,8 @@ static inline Bounce scatter_at_fibre(
 
 /* Continues paths that met a fibre: next ray, light sample, Russian roulette.
 
-   reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, material, light
+   reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, material, light, absorption
+            (where strands or points have values)
    writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
    over     the hit queue of its material, of number `queue`, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
@@ -116,12 +120,18 @@ __kernel void shade(
 #if FURCL_LEARNING
     , __global const float* table, __global uint* records
 #endif
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+    , __global const uint* absorption, __global const uint* strands
+#endif
     )
 {
     const uint n_hits = counts[FURCL_COUNT_HITS + queue];
     const Paths paths = {state, wave.n_slots};
     __global const uint* hit_queue = hit_queues + (size_t)queue * wave.n_slots;
-    const Fibre fibre = fibre_of(material);
+    Fibre fibre = fibre_of(material);
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+    const Absorption values = absorption_of(absorption, strands);
+#endif
 #if FURCL_LEARNING
     const Learned learned = learned_of(table, records, &wave);
 #endif
@@ -136,35 +146,43 @@ __kernel void shade(
         const Lanes4 light_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
                                               bounce_dimension(depth, DIM_LIGHT));
 #endif
+        /* Of roulette and, for light samples of lobes whose h it draws, of the sampler. */
+        bool needed = roulette_plays(&wave, depth);
+#if FURCL_LIGHT_SAMPLING && (FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI)
+        needed = true;
+#endif
+        Lanes4 ending_xi = {0.0f, 0.0f, 0.0f, 0.0f};
+        if (needed)
+            ending_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
+                                      bounce_dimension(depth, DIM_ROULETTE));
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
-            const uint pixel = uint_lane(&hits.pixel, k), sample = uint_lane(&hits.sample, k);
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+            take_absorption(&fibre, values, paths, slot);
+#endif
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
             const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
             const float4 at = point_on_fibre(paths, slot, vertices);
             Bounce bounce =
                 scatter_at_fibre(paths, slot, &frame, &fibre, &in, at, lane4(&hits.xi, k));
 #if FURCL_LIGHT_SAMPLING
-            float3 sampler_xi = (float3)(0.0f);
-#if FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI
-            sampler_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_ROULETTE)).yzw;
-#endif
             float4 choice = (float4)(0.0f);
 #if FURCL_LAMPS
-            choice = light_choice_numbers(wave.seed, pixel, sample, depth);
+            choice = light_choice_numbers(wave.seed, uint_lane(&hits.pixel, k),
+                                          uint_lane(&hits.sample, k), depth);
 #endif
 #if FURCL_LAYER_LOBES
             Spectrum of_lobe[FURCL_LOBES];
 #endif
-            add_light_sample(
-                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice, sampler_xi
+            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
+                             lane4(&ending_xi, k).yzw
 #if FURCL_LAYER_LOBES
-                , of_lobe
+                             , of_lobe
 #endif
-                );
+                             );
 #endif
-            const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce
+            const PathQueues to = continue_path(paths, slot, lane(&ending_xi.x, k), &wave, depth, &bounce
 #if FURCL_LEARNING
                 , &learned
 #endif

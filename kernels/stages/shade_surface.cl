@@ -100,7 +100,11 @@ __kernel void shade_surface(
 #if FURCL_MESH_EMISSION
         const Spectrum emitted = path_spectrum(paths, PS_THROUGHPUT, slot) * at.emission;
 #endif
-        const PathQueues to = continue_path(paths, slot, p.index, p.sample, &wave, depth, &bounce
+        float ending_xi = 0.0f;
+        if (roulette_plays(&wave, depth))
+            ending_xi =
+                uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_ROULETTE)).x;
+        const PathQueues to = continue_path(paths, slot, ending_xi, &wave, depth, &bounce
 #if FURCL_LEARNING
             , &learned
 #endif
