@@ -133,7 +133,7 @@ def closed_forms() -> dict[str, tuple[Lights, np.ndarray, np.ndarray, float]]:
     facing = DistantLamp(angle_deg=40.0, irradiance=1.7)
     lamps = {
         "quad": (QuadLamp(size=(1.2, 0.8), radiance=3.0, position=at), 3.0 * np.pi * 4.0 * corner),
-        "disk": (DiskLamp(radius=0.7, radiance=3.0, position=at), 3.0 * np.pi * 0.49 / (0.49 + 4.0)),
+        "disk": (DiskLamp(radius=0.7, radiance=3.0, position=at), 3.0 * np.pi * 0.49 / 4.49),
         "sphere": (SphereLamp(radius=0.7, radiance=3.0, position=at), 3.0 * np.pi * 0.49 / 4.0),
         "point": (PointLamp(intensity=3.0, position=at), 3.0 / 4.0),
         "spot": (SpotLamp(intensity=3.0, cone_deg=20.0, position=at), 3.0 / 4.0),
