@@ -1,4 +1,4 @@
-"""Grooms of two materials, a mesh, a lamp, an environment and layers in one scene; its parts."""
+"""Grooms of two materials, a mesh, a lamp, an environment and layers at once."""
 
 from __future__ import annotations
 
