@@ -11,7 +11,9 @@ import msgspec
 import numpy as np
 
 from furcl.cli import warnings
+from furcl.fibre.absorption import unused_attributes
 from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.model import ModelTable
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
 from furcl.groom.joined import Grooms
@@ -56,7 +58,7 @@ def of_scene(scene: Scene) -> dict[str, str]:
         "environment": _environment(scene),
         **{f"lamp {name}": _values(lamp) for name, lamp in scene.lamp.items()},
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
-        **_of_grooms(grooms, list(scene.materials())),
+        **_of_grooms(grooms, scene.materials()),
         **_of_curves(curves),
         **_of_meshes(scene, meshes),
         **{
@@ -144,15 +146,18 @@ def _of_fibres(fibres: dict[str, Any]) -> dict[str, str]:
     return facts
 
 
-def _of_grooms(grooms: Grooms, materials: list[str]) -> dict[str, str]:
-    """A line for each of several grooms."""
-    if len(grooms.grooms) == 1:
-        return {}
-    return {
-        f"groom {groom.name}": f"{groom.curves.n_strands} strands, {groom.curves.n_segments} "
-        f"segments of {materials[groom.material]}"
-        for groom in grooms.grooms
-    }
+def _of_grooms(grooms: Grooms, materials: dict[str, ModelTable]) -> dict[str, str]:
+    """A line for each of several grooms, and the arrays of files that nothing uses."""
+    facts, names = {}, list(materials)
+    for groom in grooms.grooms:
+        material = names[groom.material]
+        if len(grooms.grooms) > 1:
+            of = f"{groom.curves.n_strands} strands, {groom.curves.n_segments} segments"
+            facts[f"groom {groom.name}"] = f"{of} of {material}"
+        unused = unused_attributes(groom.curves, materials[material].absorption)
+        if unused:
+            facts |= _named({"unused arrays": ", ".join(unused)}, groom.name, len(grooms.grooms))
+    return facts
 
 
 def _parameters(fibre: Any) -> str:
@@ -189,6 +194,7 @@ def _of_curves(curves: Curves) -> dict[str, str]:
         "points": f"{curves.n_points} ({per_strand.min()} to {per_strand.max()} a strand)",
         "segments": f"{curves.n_segments}",
         "segment length": f"{np.median(lengths):.4g} (median), {lengths.max():.4g} (largest)",
+        **({"arrays": _arrays(curves)} if curves.attributes or curves.ignored else {}),
         "radius": f"{curves.radii.min():.4g} to {curves.radii.max():.4g}",
         "bounds": f"{_point(lower)} to {_point(upper)}",
         "memory": f"{curves.n_bytes / 2**20:.1f} MiB on the host",
@@ -213,6 +219,16 @@ def _of_meshes(scene: Scene, meshes: Meshes | None) -> dict[str, str]:
         said += [f"{count} {what}" for what, count in mesh.triangles.dropped.items()]
         facts[f"mesh {name}"] = ", ".join(said)
     return facts
+
+
+def _arrays(curves: Curves) -> str:
+    """The arrays of values of a groom's file."""
+    known = [
+        f"{name} (of {'strands' if len(values) == curves.n_strands else 'points'}"
+        f"{', 3 numbers' if values.ndim > 1 else ''})"
+        for name, values in curves.attributes.items()
+    ]
+    return ", ".join([*known, *(f"{name} (not read)" for name in curves.ignored)])
 
 
 def _counts(left_out: Mapping[str, int]) -> str:

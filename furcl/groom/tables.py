@@ -60,6 +60,46 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
         return dataclasses.replace(curves, points=points)
 
 
+class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate"):
+    """Children of the guide strands in a file: hair or fur between them.
+
+    Attributes
+    ----------
+    file : str                  the guides
+    radius_scale : float        factor on all radii
+    default_radius : float      radius where the file has none, or only 0 [unit]
+    up_axis : str               axis of the file that is up, as of a file of strands
+    n_strands : int             children
+    n_points : int              points a child; as many as guides have at most if left out
+    seed : int                  of the random numbers
+    clumping : float            pull towards the child's own guide at the tip
+    spread_deg : float          guides that go elsewhere, by so much between root and tip, give a
+                                child nothing: a parting stays one [deg]
+    length_variation : float    v: children are cut to a length uniform in [1 - v, 1] of what their
+                                guides make
+    frizz : float               wander at the tip, of the guide's length
+    radius : float              at the root; that of the guides if left out [unit]
+    radius_variation : float    v: relative, uniform in [1 - v, 1 + v]
+    """
+
+    n_strands: Annotated[int, Meta(ge=1, le=50_000_000)] = 100_000
+    n_points: Annotated[int, Meta(ge=2, le=4096)] | None = None
+    seed: Annotated[int, Meta(ge=0, le=(1 << 63) - 1)] = 1
+    clumping: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    spread_deg: Annotated[float, Meta(ge=0.0, le=180.0)] = 60.0
+    length_variation: Annotated[float, Meta(ge=0.0, le=0.95)] = 0.1
+    frizz: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    radius: Length | None = None
+    radius_variation: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
+
+    def build(self) -> Curves:
+        from furcl.groom.grow.interpolate import children
+
+        guides = super().build()
+        own = set(self.__struct_fields__) - set(FileCurves.__struct_fields__)
+        return children(guides, **{name: getattr(self, name) for name in own}, source=self.file)
+
+
 class _Grown(CurvesTable, frozen=True, kw_only=True):
     """A groom of a generator of furcl's; its fields are the generator's parameters."""
 
@@ -103,5 +143,6 @@ def _grown(generator: str) -> Any:
 
 BUILT_IN: dict[str, type[CurvesTable]] = {
     "file": FileCurves,
+    "interpolate": InterpolatedCurves,
     **{generator: _grown(generator) for generator in grow.GENERATORS},
 }

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from furcl.device.features import Features
 from furcl.device.layout import Fields, Layer
 from furcl.device.memory import Memory, fill
+from furcl.errors import SceneError
 from furcl.groom.joined import Grooms
 from furcl.image.cryptomatte import Cryptomatte, hash_bits
 
@@ -24,6 +25,8 @@ Array = NDArray[np.float32]
 
 # Depth where nothing is met, of which mean and nearest mean nothing [unit]; as Blender has it.
 NO_DEPTH = 1e10
+# Whole numbers that float32 holds.
+MOST_STRANDS = 1 << 24
 # Ids of a pixel that are counted, twice as many as are written: one that comes late finds a place.
 RANKS = 6
 RANKED_IDS = 2 * RANKS
@@ -136,7 +139,7 @@ class LayerBuffers:
 
     Raises
     ------
-    ImageError      cryptomatte is asked for and its package is missing
+    ImageError      cryptomatte without the package that it needs
 
     Attributes
     ----------
@@ -146,6 +149,8 @@ class LayerBuffers:
     def __init__(self, memory: Memory, n_pixels: int, features: Features) -> None:
         part = features.layers
         assert isinstance(part, LayerPart)
+        if any(name in CRYPTOMATTES for name in part.names):
+            hash_bits("")  # says before the render what is missing
         self._memory, self.part, self.features = memory, part, features
         self.n_pixels = n_pixels
 
@@ -161,8 +166,6 @@ class LayerBuffers:
         self.nearest = allocate(any(n in NEAREST for n in names), "nearest", 2)
         ranks = {name: allocate(name in names, name, 2 * RANKED_IDS) for name in CRYPTOMATTES}
         self.ranks = {name: buffer for name, buffer in ranks.items() if buffer is not None}
-        if self.ranks:
-            hash_bits("")  # says before the work that its package is missing
         # Until `place`, something for kernels that are launched over nothing.
         defines = part.defines()
         self._ids: list[Any] = [self.first_hits] if defines["FURCL_STRAND_IDS"] else []
@@ -195,8 +198,17 @@ class LayerBuffers:
         grooms : Grooms             as rays meet them
         surfaces : list of str      names of the surface and the meshes that rays meet
         lamps : list of str         names of the lamps that have a place, one a record
+
+        Raises
+        ------
+        SceneError      more strands than whole numbers of float32
         """
         curves = grooms.curves
+        if self.nearest and curves.n_strands > MOST_STRANDS:
+            raise SceneError(
+                f"film.layers has strand or groom: {curves.n_strands} strands; numbers up to "
+                f"{MOST_STRANDS} fit a channel, take cryptomatte_strand instead"
+            )
         self._first_strands = np.array([*grooms.first_strands, curves.n_strands])
         self._names = [*(groom.name for groom in grooms.grooms), *surfaces, *lamps]
         if self._ids:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -20,6 +21,7 @@ from furcl.device.features import Features
 from furcl.device.memory import Memory
 from furcl.errors import GroomError
 from furcl.fibre import samplers
+from furcl.fibre.absorption import unused_attributes
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.fibre.packed import Packed, bind
@@ -37,6 +39,8 @@ from furcl.scene.tables import Film as FilmTable
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
 from furcl.surface.mesh.mesh import Meshes, MeshPart
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -157,6 +161,7 @@ def set_up(
                 for name, fibre in fibres.items()
             ]
         grooms = taken.result()
+        _name_unused(scene, grooms)
         grown = grooms.curves
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
@@ -212,6 +217,15 @@ def _given(scene: Scene, curves: Curves | Grooms) -> Grooms:
             f"{', '.join(names)}; give what its build_grooms() returns, or leave curves out"
         )
     return Grooms([Groom(names[0], curves)])
+
+
+def _name_unused(scene: Scene, grooms: Grooms) -> None:
+    """Say in the log which arrays of grooms nothing uses."""
+    tables = list(scene.materials().values())
+    for groom in grooms.grooms:
+        unused = unused_attributes(groom.curves, tables[groom.material].absorption)
+        if unused:
+            log.info("groom %s: nothing uses its %s", groom.name, ", ".join(unused))
 
 
 def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:

@@ -56,6 +56,7 @@ def statistics(renderer: Renderer) -> dict[str, Any]:
             "device_peak": renderer.memory.peak_bytes,
             "bvh": sum(map(renderer.memory.held, (*BUFFERS, *triangles.BUFFERS))),
             "tables": renderer.memory.held("material"),
+            "absorption": renderer.memory.held("absorption"),
         },
         "wave_size": renderer.wave_size.paths,
         "wave_size_from": renderer.wave_size.origin,
