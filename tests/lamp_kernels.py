@@ -62,12 +62,20 @@ def build(lamps: dict[str, Lamp], environment: str | None = None, **changes) -> 
     return Lights(around, tables.build(lamps, **changes))
 
 
+def lamps_of(lights: Lights) -> Lamps:
+    """Those of a light that has some."""
+    assert lights.lamps is not None
+    return lights.lamps
+
+
 def triangles(n: int, seed: int = 3) -> Lamps:
     """Lamps of small triangles that look everywhere."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-2.0, 2.0, (n, 3)) + np.array([0.0, 0.0, 3.0])
     edges = rng.normal(0.0, 0.15, (2, n, 3))
-    return Lamps.make([flat("triangle", corners, *edges, rng.uniform(0.0, 5.0, (n, 3)))])
+    return Lamps.make(
+        [flat("triangle", corners, edges[0], edges[1], rng.uniform(0.0, 5.0, (n, 3)))]
+    )
 
 
 def spread_quads(n: int, seed: int = 5, **changes) -> dict[str, Lamp]:

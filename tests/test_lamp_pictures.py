@@ -63,6 +63,7 @@ def cross(lamps, environment=None, **render):
 def host_z(device, scene, factor=1.0, paths=10_000) -> float:
     """Of the device's mean over the picture from the host's, the largest of the channels."""
     image = furcl.render(scene, device=device)
+    assert image.variance is not None
     host = HostRenderer(scene, UNSCATTERED)
     rng = np.random.default_rng(3)
     pixels = [host.pixel(x, y, paths, rng) for x in range(4) for y in range(4)]
@@ -280,4 +281,5 @@ def _on_dome(rng):
 
 def _relative_error(device, scene) -> float:
     image = furcl.render(scene, device=device)
+    assert image.variance is not None
     return float(image.variance.mean(dtype=np.float64) / image.rgb.mean(dtype=np.float64) ** 2)

@@ -490,7 +490,7 @@ def test_what_is_not_asked_for_is_not_there(device):
     few = Renderer(with_layers(patch(), "depth"), device)
     held = {name: n for name, n in few.memory.bytes.items() if name.startswith("layers")}
     # Number of hits and depth, two words each.
-    assert held == {"layers first hits": 4 * 4 * few.n_pixels}
+    assert held == {"layers: first hits": 4 * 4 * few.n_pixels}
     assert layout.planes(few.features) == planes
 
 

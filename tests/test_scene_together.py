@@ -14,6 +14,7 @@ from scene_documents import INDEPENDENT
 from scipy import stats
 
 import furcl
+from furcl.scene.digest import scene_digest
 from furcl.scene.read import decode_scene, with_overrides
 
 ALBEDO = (0.8, 0.4, 0.2)
@@ -55,7 +56,7 @@ def document(tmp_path):
                 "transform": {"translate": [0.6, 0, 0]},
             },
         },
-        "mesh": {"floor": {"file": str(path), "albedo": ALBEDO, "emission": GLOW}},
+        "mesh": {"floor": {"file": str(path), "albedo": ALBEDO, "emission": GLOW, "smooth": False}},
         "lamp": {
             "key": {
                 "kind": "quad", "position": [0, 0.6, LAMP_HEIGHT], "target": [0, -1.0, 0.0],
@@ -115,10 +116,10 @@ def test_sources_of_light_add_up(device, document):
     [
         # light samples of the lamp as if it were always taken
         (r"taken\.chance \* placed", "taken.chance", "stages/shade.cl"),
-        # rays to the lamp weighed as if it were never sampled
+        # rays that leave the scene weighed as if the lamp were never sampled
         (
-            r"return (radiance \* ray_weight\(pdf,) near_chance",
-            r"return \1 0.0f * near_chance",
+            r"ray_weight\(pdf, chance \* infinite_chance\(lights, 0u\)",
+            "ray_weight(pdf, infinite_chance(lights, 0u)",
             "stages/shade_escaped.cl",
         ),
     ],
@@ -258,3 +259,14 @@ def test_a_stopped_render_goes_on_to_the_same_bits(device, document, tmp_path, a
     assert set(gone_on.layers) == set(whole.layers)
     for name, values in whole.layers.items():
         assert np.array_equal(gone_on.layers[name], values, equal_nan=True), name
+
+
+@pytest.mark.parametrize("name", ["floor", "curves"])
+def test_digests_know_what_mesh_files_hold(document, tmp_path, name):
+    """Renders do not go on with another mesh, whatever the mesh is called."""
+    document["mesh"] = {name: document["mesh"]["floor"]}
+    scene = decode_scene(document)
+    before = scene_digest(scene)
+    assert scene_digest(scene) == before
+    (tmp_path / "floor.obj").write_text(obj_text(box((-1.0, -1.0, -1.0), (1.0, 1.0, FLOOR))))
+    assert scene_digest(scene) != before

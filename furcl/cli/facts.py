@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from furcl.cli import warnings
@@ -18,6 +19,7 @@ from furcl.groom.formats import load_curves
 from furcl.groom.joined import Grooms
 from furcl.scene.tables import Film, Scene
 from furcl.surface.mesh.mesh import Meshes
+from furcl.table import Table
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.device.choice import Device
@@ -50,9 +52,11 @@ def of_scene(scene: Scene) -> dict[str, str]:
     curves = grooms.curves
     return {
         "scene": scene.name,
-        "film": f"{film.width} x {film.height}, {film.filter} filter{_crop(film)}",
+        "film": f"{film.width} x {film.height}, {film.filter} filter{_crop(film)}{_layers(film)}",
+        **_of_cameras(scene),
         **_of_fibres(scene.build_fibres()),
         "environment": _environment(scene),
+        **{f"lamp {name}": _values(lamp) for name, lamp in scene.lamp.items()},
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
         **_of_grooms(grooms, scene.materials()),
         **_of_curves(curves),
@@ -67,6 +71,33 @@ def of_scene(scene: Scene) -> dict[str, str]:
 def _crop(film: Film) -> str:
     left, top, right, bottom = film.window.box
     return "" if film.window.whole else f", cropped to {left}, {top} to {right}, {bottom}"
+
+
+def _layers(film: Film) -> str:
+    background = "" if film.background == "light" else f", {film.background} background"
+    layers = f", layers {', '.join(film.layers)}" if film.layers else ""
+    return f"{background}{layers}"
+
+
+def _of_cameras(scene: Scene) -> dict[str, str]:
+    """A line for each of several cameras."""
+    chosen = scene.chosen_camera
+    return {
+        f"camera {name}": f"{_values(camera)}{' (of this picture)' if camera is chosen else ''}"
+        for name, camera in scene.cameras.items()
+    }
+
+
+def _values(table: Table) -> str:
+    """What a table is and what is said in it."""
+    tag = table.__struct_config__.tag
+    said = {
+        field.encode_name: getattr(table, field.name)
+        for field in msgspec.structs.fields(table)
+        if getattr(table, field.name) != field.default
+    }
+    values = (f"{key} {value}" for key, value in said.items())
+    return ", ".join([*([str(tag)] if tag else []), *values])
 
 
 def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str]:
@@ -248,7 +279,7 @@ def _memory(memory: Memory) -> dict[str, str]:
     groups = {
         "geometry": (*build.BUFFERS, *triangles.BUFFERS, "mesh shading"),
         "material": ("material",),
-        "film": ("film", "film samples", "nonfinite"),
+        "film": ("film", "film samples", "nonfinite", "layers"),
     }
     sizes = {name: sum(map(memory.held, parts)) for name, parts in groups.items()}
     sizes["environment"] = memory.held("light")

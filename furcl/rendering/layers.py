@@ -156,7 +156,7 @@ class LayerBuffers:
 
         def allocate(wanted: bool, name: str, words: int) -> cl.Buffer | None:
             size = 4 * words * n_pixels
-            return memory.allocate(f"layers {name}", size, zero=True) if wanted else None
+            return memory.allocate(f"layers: {name}", size, zero=True) if wanted else None
 
         names, channels = part.names, features.channels
         self.first_hits = allocate(
@@ -166,8 +166,6 @@ class LayerBuffers:
         self.nearest = allocate(any(n in NEAREST for n in names), "nearest", 2)
         ranks = {name: allocate(name in names, name, 2 * RANKED_IDS) for name in CRYPTOMATTES}
         self.ranks = {name: buffer for name, buffer in ranks.items() if buffer is not None}
-        if self.ranks:
-            hash_bits("")  # says before the work that its package is missing
         # Until `place`, something for kernels that are launched over nothing.
         defines = part.defines()
         self._ids: list[Any] = [self.first_hits] if defines["FURCL_STRAND_IDS"] else []
@@ -216,10 +214,10 @@ class LayerBuffers:
         if self._ids:
             words = 32 * np.arange(-(-curves.n_points // 32))
             before = np.searchsorted(curves.offsets[1:] - 1, words).astype(np.uint32)
-            self._ids = [self._memory.upload("layers strands", before)]
+            self._ids = [self._memory.upload("layers: strands", before)]
         if self._grooms:
             starts = curves.offsets[grooms.first_strands].astype(np.uint32)
-            uploaded = self._memory.upload("layers grooms", starts)
+            uploaded = self._memory.upload("layers: grooms", starts)
             first_lamp = len(starts) + len(surfaces)
             self._grooms = [uploaded, np.uint32(len(starts)), np.uint32(first_lamp)]
 

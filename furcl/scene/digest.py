@@ -41,6 +41,6 @@ def scene_digest(scene: Scene, curves: Curves | Grooms | None = None) -> str:
     for keys, table in list(files_in(document)):
         # What is in a file counts, not where it lies; the groom's is in the arrays.
         name = table.pop(keys[-1])
-        if "curves" not in keys:
+        if keys[0] != "curves" and not (keys[0] == "groom" and "curves" in keys[2:]):
             parts.append(Path(name).read_bytes())
     return digest(document, *parts)
