@@ -136,7 +136,7 @@ class _Bench:
         """Render everything that is missing."""
         content = scene_digest(self.scene)
         start = time.perf_counter()
-        self.curves = self.scene.build_curves()
+        self.grooms = self.scene.build_grooms()
         self.grown = time.perf_counter() - start
         renderers = {variant.name: self._renderer(variant) for variant in self.plan.variants}
         keys = {name: self._key(content, r) for name, r in renderers.items()}
@@ -155,7 +155,7 @@ class _Bench:
     def _renderer(self, variant: Variant) -> Renderer:
         """A renderer that has compiled all that its first render would."""
         own = variant.scene(self.scene)
-        renderer = Renderer(own, self.device, curves=self.curves)
+        renderer = Renderer(own, self.device, curves=self.grooms)
         start = time.perf_counter()
         renderer.advance(1)
         first = time.perf_counter() - start
@@ -229,7 +229,7 @@ class _Bench:
         reference = render_reference(*arguments, self._render_once)
         reference.image.save(self.folder / IMAGES / f"{self.file}-reference.exr")
         self.state.data["scenes"][self.scene.name] = {
-            **scene_facts(self.scene, self.curves),
+            **scene_facts(self.scene, self.grooms.curves),
             "reference": {"variant": name, **reference.facts, "pilot": figures},
         }
         return reference

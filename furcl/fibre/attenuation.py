@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from furcl.cdf import inclusive_cdf
+from furcl.device.layout import ABSORPTION_NODES
 
 # A bin in which the quadrature sees nothing still gets this share of its lobe's mean, so that q is
 # positive wherever the lobe can be.
@@ -36,6 +37,20 @@ def row_angles(rows: int) -> np.ndarray:
     """|theta| (rows,) [rad] of the rows, from 0 to pi/2, even in sqrt(cos(theta))."""
     cosine = (1.0 - np.arange(rows) / (rows - 1)) ** 2
     return np.arccos(cosine)
+
+
+def node_absorptions(absorbs: tuple[float, float]) -> np.ndarray:
+    """The absorptions (ABSORPTION_NODES,) that there are tables for where it differs, even in their
+    square root from the smallest to the largest of any hit."""
+    low, high = np.sqrt(absorbs)
+    return np.linspace(low, high, ABSORPTION_NODES) ** 2
+
+
+def node_scale(absorbs: tuple[float, float]) -> np.ndarray:
+    """The square root of the smallest, and nodes per unit of it, (2,) float32: by them
+    kernels/include/fibre/rows.clh finds nodes."""
+    low, high = np.sqrt(absorbs)
+    return np.array([low, (ABSORPTION_NODES - 1) / (high - low)], np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,8 @@ from furcl.fibre.attenuation import (
     GRAZING_ROWS,
     ROWS_BETWEEN,
     AttenuationTables,
+    node_absorptions,
+    node_scale,
     peak_angles,
     peaks_around,
     row_angles,
@@ -46,10 +48,13 @@ class FibreMaterial:
     features : Features                 of its kernels: the scene's, with fibre and sampler
     params : struct FibreParams
     profiles : object or None           what the model prepared (`FibreModel.prepare`), if used
-    tables : AttenuationTables or None  None for samplers that need none
+    tables : AttenuationTables or None  None for samplers that need none; where the absorption
+                                        differs, those of the smallest
     marginals : (rows, phis, lobes) or None     densities of lobe and azimuth, where the light is
-                                        sampled: furcl.fibre.marginal
+                                        sampled: furcl.fibre.marginal; of the smallest absorption
     buffer : cl.Buffer                  params, data, tables: kernels/include/fibre/material.clh
+    absorption : cl.Buffer or None      of its strands or points:
+                                        kernels/include/fibre/absorption.clh
     """
 
     name: str
@@ -61,6 +66,7 @@ class FibreMaterial:
     tables: AttenuationTables | None
     marginals: np.ndarray | None
     buffer: cl.Buffer
+    absorption: cl.Buffer | None = None
 
     @property
     def fibre_features(self) -> FibreFeatures:
@@ -70,7 +76,7 @@ class FibreMaterial:
 
     def with_features(self, features: Features) -> FibreMaterial:
         """The same material in a scene of other features; its own parts stay."""
-        own = {"fibre": self.features.fibre, "sampler": self.features.sampler}
+        own = {name: getattr(self.features, name) for name in ("fibre", "sampler", "absorption")}
         return replace(self, features=features.with_(**own))
 
     @property
@@ -90,46 +96,70 @@ def build_material(
     drop_lobes: bool = False,
     profiles: Any = None,
     name: str = SHORT_FORM,
+    absorbs: tuple[float, float] | None = None,
+    absorption: np.ndarray | None = None,
 ) -> FibreMaterial:
     """Prepare a fibre's data, tabulate its attenuation, upload both.
 
     Parameters
     ----------
     fibre : object              parameters, of a model's own class
-    features : Features         of the scene, without fibre and sampler
+    features : Features         of the scene, without fibre and sampler; with the absorption of the
+                                material
     residual : bool             with the lobe that closes the furnace, if the model has one
     fibre_features : FibreFeatures or None  compile for these instead of what the fibre needs
     drop_lobes : bool           leave out lobes whose share of the energy is below NEGLIGIBLE_SHARE
                                 at every theta: they get no part of the tables
     profiles : object or None   used instead of what the model prepares for this fibre
+    name : str                  of the material
+    absorbs : (low, high)       the smallest and the largest absorption of any channel at any hit,
+                                where it is not that of the fibre: low < high
+    absorption : (n,) uint32    what furcl.fibre.absorption.packed returns, where strands or points
+                                have values
 
     Raises
     ------
     FibreError, KernelBuildError, ResourceError
     """
     model = model_of(fibre)
+    assert (absorbs is None) == (features.absorption == "constant")
     needed = fibre_features or model.features(fibre, residual=residual)
     params = model.params(fibre)
     if needed.data_words == 0:
         profiles = None
     elif profiles is None:
         profiles = model.prepare(memory.device, fibre)
-    bins = None
-    if drop_lobes or sampler.needs_tables:
-        packed = _packed(params, model.data(profiles, needed))
-        unlit = features.with_(fibre=needed, light_sampling=False)
-        bins = _attenuation_bins(Memory(memory.device), unlit, packed)
-    if drop_lobes and bins is not None:
+    nodes = [params] if absorbs is None else _absorbing(model, params, absorbs)
+    bins = []
+    if drop_lobes or sampler.needs_tables or absorbs is not None:
+        data = model.data(profiles, needed)
+        unlit = features.with_(fibre=needed, light_sampling=False, absorption="constant")
+        bins = [
+            _attenuation_bins(Memory(memory.device), unlit, _packed(node, data)) for node in nodes
+        ]
+    if drop_lobes and bins:
         needed, bins = _without_negligible(model, needed, bins)
     if needed.data_words == 0:
         profiles = None
-    tables = tables_from_bins(*bins) if bins is not None and sampler.needs_tables else None
-    parts = [params, model.data(profiles, needed), *([tables.packed] if tables else [])]
+    data = model.data(profiles, needed)
+    of_nodes = [tables_from_bins(*node) for node in bins]
+    tables = of_nodes if sampler.needs_tables else []
     own = features.with_(fibre=needed, sampler=sampler)
-    marginals = None
+    marginals = []
     if own.light_sampling:
-        marginals = _marginals(Memory(memory.device), own, _packed(*parts))
-        parts.append(marginals)
+        alone = own.with_(absorption="constant")
+        for i, node in enumerate(nodes):
+            packed = _packed(node, data, *(table.packed for table in tables[i : i + 1]))
+            marginals.append(_marginals(Memory(memory.device), alone, packed))
+    parts = [params, data]
+    if absorbs is not None:
+        parts += [node_scale(absorbs), np.array([table.energy for table in of_nodes], np.float32)]
+    parts += [*(table.packed for table in tables), *marginals]
+
+    def upload(kind: str, array: np.ndarray) -> cl.Buffer:
+        of_material = kind if name == SHORT_FORM else f"{kind}: {name}"
+        return index_checks.upload(memory, of_material, array, features.debug)
+
     return FibreMaterial(
         name,
         fibre,
@@ -137,15 +167,22 @@ def build_material(
         own,
         params,
         profiles,
-        tables,
-        marginals,
-        index_checks.upload(
-            memory,
-            "material" if name == SHORT_FORM else f"material: {name}",
-            _packed(*parts),
-            features.debug,
-        ),
+        tables[0] if tables else None,
+        marginals[0] if marginals else None,
+        upload("material", _packed(*parts)),
+        None if absorption is None else upload("absorption", absorption),
     )
+
+
+def _absorbing(
+    model: FibreModel, params: np.ndarray, absorbs: tuple[float, float]
+) -> list[np.ndarray]:
+    """FibreParams for each absorption that there are tables for."""
+    nodes = []
+    for sigma in node_absorptions(absorbs):
+        nodes.append(params.copy())
+        nodes[-1][model.absorbed] = sigma
+    return nodes
 
 
 def _packed(*parts: np.ndarray) -> np.ndarray:
@@ -154,18 +191,19 @@ def _packed(*parts: np.ndarray) -> np.ndarray:
 
 
 def _without_negligible(
-    model: FibreModel, needed: FibreFeatures, bins: np.ndarray
-) -> tuple[FibreFeatures, np.ndarray]:
+    model: FibreModel, needed: FibreFeatures, bins: list[np.ndarray]
+) -> tuple[FibreFeatures, list[np.ndarray]]:
     """Features without the lobes that carry next to nothing, and bins with zeros for them."""
-    energy = bins[0].mean(axis=2, dtype=np.float64)
+    energy = np.concatenate([node[0] for node in bins]).mean(axis=2, dtype=np.float64)
     total = energy.sum(axis=1, keepdims=True)
     share = np.divide(energy, total, out=np.zeros_like(energy), where=total > 0.0).max(axis=0)
     names = [lobe.name for lobe in model.lobes[: needed.n_lobes]]
     gone = [
         i for i, name in enumerate(names) if name in needed.lobes and share[i] < NEGLIGIBLE_SHARE
     ]
-    bins = bins.copy()
-    bins[:, :, gone] = 0.0
+    bins = [node.copy() for node in bins]
+    for node in bins:
+        node[:, :, gone] = 0.0
     return needed.without([names[i] for i in gone]), bins
 
 

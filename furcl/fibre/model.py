@@ -7,6 +7,7 @@ the probe and the benchmarks know models through it alone.
 
 from __future__ import annotations
 
+import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ import numpy as np
 
 from furcl.device.layout import Fields
 from furcl.errors import FibreError
+from furcl.fibre.absorption import Absorption
 from furcl.paths import kernel_folder
 from furcl.registry import Registry
 from furcl.table import Table
@@ -110,6 +112,7 @@ class FibreFeatures(ABC):
         names = [lobe.name for lobe in self.model.lobes]
         return {
             **self.model.constants(),
+            **({"FURCL_ABSORBED": self.model.absorbed} if self.model.absorbed else {}),
             **{f"FURCL_LOBE_{name.upper()}": f"{i}u" for i, name in enumerate(names)},
             **self.switches(),
             "FURCL_LOBES": self.n_lobes,
@@ -128,7 +131,14 @@ class FibreFeatures(ABC):
 
 
 class ModelTable(Table, frozen=True, kw_only=True):
-    """Base of the tables [fibre] of scenes, tagged by `model`."""
+    """Base of the tables [fibre] of scenes, tagged by `model`.
+
+    Attributes
+    ----------
+    absorption : table      where strands, or points along them, absorb differently
+    """
+
+    absorption: Absorption | None = None
 
     def build(self) -> Any:
         """The fibre that the table describes, parameters of the model's own class.
@@ -153,6 +163,9 @@ class FibreModel(ABC):
     header : Path       of kernels/include, or absolute
     struct : Fields     of FibreParams
     reference : str     module of the float64 reference: evaluate, pdf, sample, attenuation
+    absorbed : str or None      the parameter, a float4 of the struct and three numbers of a fibre,
+                                that strands or points can have values of; attenuations are convex
+                                in each channel of it. None: there is none
     """
 
     name: ClassVar[str]
@@ -160,6 +173,7 @@ class FibreModel(ABC):
     header: ClassVar[Path]
     struct: ClassVar[Fields]
     reference: ClassVar[str]
+    absorbed: ClassVar[str | None] = None
 
     @property
     @abstractmethod
@@ -178,6 +192,22 @@ class FibreModel(ABC):
     @abstractmethod
     def params(self, fibre: Any) -> np.ndarray:
         """The struct FibreParams of a fibre."""
+
+    def with_absorption(self, fibre: Any, sigma: tuple[float, float, float]) -> Any:
+        """The fibre with another value of `absorbed`."""
+        return dataclasses.replace(fibre, **{str(self.absorbed): sigma})
+
+    def absorption_of_colour(self, fibre: Any, colour: np.ndarray) -> np.ndarray:
+        """Absorption (n, 3) for which thick grooms of the fibre take about the colours (n, 3),
+        linear, of 1e-6 to 1.
+
+        Raises
+        ------
+        FibreError      the model has no such rule
+        """
+        raise FibreError(
+            f"fibre.model = {self.name!r} has no absorption for a colour; give absorptions"
+        )
 
     def constants(self) -> Mapping[str, int | str]:
         """FURCL_* constants of the header."""

@@ -11,6 +11,9 @@ Colours are linear with Rec.709 primaries.
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from furcl.errors import FibreError
 
 EUMELANIN = (0.419, 0.697, 1.37)
@@ -80,9 +83,13 @@ def sigma_ca_from_colour(colour: Sequence[float], beta_n_deg: float) -> Triple:
             f"fibre.colour = {list(colour)} - allowed are three values from 1e-6 to 1 - "
             "give the linear albedo of the wanted colour (decode sRGB first)"
         )
-    scale = _albedo_polynomial(chiang_roughness(beta_n_deg))
-    r, g, b = ((math.log(c) / scale) ** 2 for c in values)
+    r, g, b = sigma_ca_from_colours(np.array(values), beta_n_deg).tolist()
     return r, g, b
+
+
+def sigma_ca_from_colours(colours: NDArray[np.floating], beta_n_deg: float) -> NDArray[np.floating]:
+    """As `sigma_ca_from_colour`, of an array of colours of any shape within COLOUR_RANGE."""
+    return (np.log(colours) / _albedo_polynomial(chiang_roughness(beta_n_deg))) ** 2
 
 
 def colour_from_sigma_ca(sigma_ca: Sequence[float], beta_n_deg: float) -> Triple:

@@ -53,8 +53,8 @@ class Curves:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy, which take neither a proxy of a mapping nor the flags of arrays."""
-        arrays = (self.points, self.radii, self.offsets, dict(self.attributes))
-        return _frozen, (*arrays, dict(self.dropped), self.ignored)
+        arrays = (self.points, self.radii, self.offsets)
+        return _frozen, (*arrays, dict(self.attributes), dict(self.dropped), self.ignored)
 
     def __repr__(self) -> str:
         named = f", with {', '.join(self.attributes)}" if self.attributes else ""
@@ -208,31 +208,30 @@ class Curves:
         GroomError                   names the source, the strand and the point
         """
         points, radii = _array(points, "points", source), _array(radii, "radii", source)
-        given = dict(attributes or {})
-        if colours is not None:
-            given["colours"] = colours
+        named = {} if colours is None else {"colours": colours}
+        named |= attributes or {}
         curves = adopted(
             points,
             radii,
             offsets,
             source=source,
             dropped=dropped,
-            attributes=given,
+            attributes=named,
             ignored=ignored,
         )
-        outside = [points, radii, *(np.asarray(array) for array in given.values())]
-        outside += [] if offsets is None else [np.asarray(offsets)]
+        given = [points, radii, *(np.asarray(array) for array in named.values())]
+        given += [] if offsets is None else [np.asarray(offsets)]
 
         def own(array):
             # One array may stand for several, so each is compared with all.
-            shared = any(np.may_share_memory(array, other) for other in outside)
+            shared = any(np.may_share_memory(array, other) for other in given)
             return array.copy() if shared else array
 
         return _frozen(
             own(curves.points),
             own(curves.radii),
             own(curves.offsets),
-            {name: own(array) for name, array in curves.attributes.items()},
+            {name: own(values) for name, values in curves.attributes.items()},
             curves.dropped,
             curves.ignored,
         )
@@ -242,7 +241,6 @@ def adopted(
     points: ArrayLike,
     radii: ArrayLike,
     offsets: ArrayLike | None = None,
-    colours: ArrayLike | None = None,
     *,
     source: str = "curves",
     dropped: Mapping[str, int] | None = None,
@@ -255,15 +253,12 @@ def adopted(
     ------
     GroomError      as `Curves.from_arrays`
     """
-    given = dict(attributes or {})
-    if colours is not None:
-        given["colours"] = colours
     grid = np.shape(points)[:2] if offsets is None else None
     points, radii, offsets = _shaped(points, radii, offsets, source)
     _check_offsets(offsets, len(points), source)
     _check_points(points, offsets, source)
     radii, n_thin = _checked_radii(radii, offsets, source)
-    values = checked_values(given, offsets, grid, source)
+    values = checked_values(attributes or {}, offsets, grid, source)
     points, radii, offsets, values, cleaned = _clean(points, radii, offsets, values, source)
     found = {**(dropped or {}), **cleaned}
     found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))

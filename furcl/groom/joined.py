@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furcl.errors import GroomError
 from furcl.groom.copies import copied_strands
-from furcl.groom.curves import MAX_POINTS, POINTS_AT_ONCE, Curves
+from furcl.groom.curves import MAX_POINTS, POINTS_AT_ONCE, Curves, adopted
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def placed(
     for begin in range(0, curves.n_points, POINTS_AT_ONCE):
         part = slice(begin, begin + POINTS_AT_ONCE)
         points[part] = transform(curves.points[part])
-    return Curves.from_arrays(
+    return adopted(
         points,
         curves.radii * np.float32(scale),
         curves.offsets,

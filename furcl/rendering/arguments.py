@@ -10,6 +10,9 @@ from furcl.groom.curves import Curves
 from furcl.groom.joined import Grooms
 from furcl.values import is_number, shown
 
+Given = Curves | Grooms | Future[Curves] | Future[Grooms] | None
+"""The groom or the grooms of a scene, where the caller has them or makes them."""
+
 
 def check_curves(curves: Any) -> None:
     """Refuse what is neither a groom nor one that is being made.

@@ -15,17 +15,13 @@ import msgspec
 
 from furcl.errors import CheckpointError, FurclError
 from furcl.files import check_writable
-from furcl.groom.curves import Curves
-from furcl.groom.joined import Grooms
+from furcl.rendering.arguments import Given
 from furcl.rendering.state import Part, Saved, read_parts, write_state
 from furcl.scene.digest import digest, scene_digest
 from furcl.values import is_number, shown
 
 if TYPE_CHECKING:
     from furcl.rendering.renderer import Renderer
-
-#: A scene's groom or grooms, where they are there or on their way.
-Given = Curves | Grooms | Future[Curves] | Future[Grooms] | None
 
 log = logging.getLogger(__name__)
 
@@ -113,7 +109,11 @@ def check_checkpoints(path: Any, minutes: Any) -> None:
         raise CheckpointError(f"checkpoint_minutes = {minutes}: there is no file; give checkpoint")
 
 
-def go_on(renderer: Renderer, curves: Given, saved: Saved) -> None:
+def go_on(
+    renderer: Renderer,
+    curves: Given,
+    saved: Saved,
+) -> None:
     """Give a renderer the state that a file holds.
 
     Raises
@@ -193,8 +193,10 @@ def _state(renderer: Renderer) -> tuple[dict[str, Any], dict[str, Part]]:
         "samples": film.n_samples,
         "nonfinite": film.nonfinite,
         "material hits": renderer.material_hits,
-        **{f"lobes of material {i}": counts for i, counts in enumerate(renderer.lobe_counts)},
     }
+    parts |= {f"lobes of material {i}": counts for i, counts in enumerate(renderer.lobe_counts)}
+    if film.layers:
+        parts |= film.layers.parts()
     if renderer.plan:
         numbers["plan"] = renderer.plan.numbers()
         parts |= renderer.plan.parts()

@@ -48,6 +48,8 @@ class Probe:
     profiles : object or None   used instead of what the model prepares for the fibre
     features : FibreFeatures or None        compile for these instead of what the fibre needs
     light_sampling : bool       with what light samples need: `estimate_far_field`
+    absorbs : (low, high)       with tables for a range of absorptions, in which that of the fibre
+                                lies, as where strands or points have values
 
     Raises
     ------
@@ -69,6 +71,7 @@ class Probe:
         profiles: Any = None,
         features: FibreFeatures | None = None,
         light_sampling: bool = False,
+        absorbs: tuple[float, float] | None = None,
     ) -> None:
         self.fibre = fibre
         self.device = device if isinstance(device, Device) else open_device(device)
@@ -84,11 +87,16 @@ class Probe:
         self.material = build_material(
             self.memory,
             fibre,
-            Features(channels=channels or needed, light_sampling=light_sampling),
+            Features(
+                channels=channels or needed,
+                light_sampling=light_sampling,
+                absorption="constant" if absorbs is None else "given",
+            ),
             self.sampler,
             residual=residual,
             fibre_features=features,
             profiles=profiles,
+            absorbs=absorbs,
         )
         self.features = self.material.features
         self._program = program.build(

@@ -2,34 +2,41 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
 
 from furcl.bvh import embree
 from furcl.bvh.build import Bvh, build_bvh
+from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
+from furcl.errors import GroomError
 from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
+from furcl.fibre.packed import Packed, bind
 from furcl.groom.curves import Curves
-from furcl.groom.joined import Grooms
+from furcl.groom.joined import Groom, Grooms
 from furcl.light.lights import Lights
+from furcl.rendering.arguments import Given
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
 from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
+from furcl.scene.camera import Camera
+from furcl.scene.tables import Film as FilmTable
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,7 @@ def set_up(
     *,
     wave_size: int | None = None,
     specialised: bool = True,
-    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
+    curves: Given = None,
     with_target: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
@@ -106,44 +113,59 @@ def set_up(
     timed = Timer()
     lights = scene.build_lights()
     fibres = scene.build_fibres()
-    features = scene_features(scene, list(fibres.values()), lights, with_target)
-    if not specialised:
-        features = everything_on(features)
+    meshes = scene.build_meshes()
+    features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
 
     def take_grooms() -> Grooms:
         with timed("curves"):
             given = curves.result() if isinstance(curves, Future) else curves
-            return (scene.build_grooms() if given is None else Grooms.of(given)).traced()
+            return (scene.build_grooms() if given is None else _given(scene, given)).traced()
 
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
 
-    def build_tree(grooms: Future[Grooms]) -> Bvh:
+    def build_trees(grooms: Future[Grooms]) -> tuple[Bvh, TriangleBvh | None]:
         grown = grooms.result().curves
+        radii = point_radii(grown)
         with timed("bvh"):
-            return build_bvh(memory, grown, point_radii(grown), debug=features.debug)
+            tree = build_bvh(memory, grown, radii, debug=features.debug)
+            if meshes is None:
+                return tree, None
+            return tree, build_triangle_bvh(memory, meshes.corners(), radii, debug=features.debug)
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
         taken = beside.submit(take_grooms)
-        tree = beside.submit(build_tree, taken)
+        trees = beside.submit(build_trees, taken)
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
+        bound: dict[str, Packed] = {}
+        if any(table.absorption for table in scene.materials().values()):
+            with timed("tables"):
+                bound = _bind(scene, fibres, taken.result())
+            fibres |= {name: _bound_fibre(fibres[name], packed) for name, packed in bound.items()}
+            grey = all(packed.grey for packed in bound.values())
+            features = scene_features(
+                scene, list(fibres.values()), lights, meshes, with_target, grey
+            )
+        if not specialised:
+            features = everything_on(features)
         with timed("tables"):
             materials = [
-                _material(memory, scene, name, fibre, features, specialised)
+                _material(memory, scene, name, fibre, features, specialised, bound.get(name))
                 for name, fibre in fibres.items()
             ]
         grooms = taken.result()
         grown = grooms.curves
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
-        film = Film.allocate(
-            memory, scene.film.width, scene.film.height, features, scene.render.spp
-        )
+        window = scene.film.window
+        film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, materials, lights, film, grown, size)
+            wavefront = _wavefront(
+                memory, scene, features, materials, meshes, lights, film, grown, size
+            )
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -151,12 +173,14 @@ def set_up(
                     memory,
                     wavefront.learning,
                     grown,
-                    scene.film.width * scene.film.height,
+                    window.n_pixels,
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
                 )
-        built = tree.result()
-        wavefront.place(built.arguments(), grooms.material_starts(len(materials)))
+        if film.layers:
+            film.layers.place(grooms, _surfaces(scene, features), scene.placed_lamps())
+        built, mesh_tree = trees.result()
+        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), mesh_tree)
     return Setup(
         memory,
         features,
@@ -170,6 +194,24 @@ def set_up(
         lights.n_negative,
         timed.seconds,
     )
+
+
+def _given(scene: Scene, curves: Curves | Grooms) -> Grooms:
+    """The grooms of a scene, where the caller has them.
+
+    Raises
+    ------
+    GroomError      curves for a scene of several grooms
+    """
+    if isinstance(curves, Grooms):
+        return curves
+    names = list(scene.grooms())
+    if len(names) > 1:
+        raise GroomError(
+            f"curves are given, and scene {scene.name!r} has {len(names)} grooms, "
+            f"{', '.join(names)}; give what its build_grooms() returns, or leave curves out"
+        )
+    return Grooms([Groom(names[0], curves)])
 
 
 def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:
@@ -189,19 +231,38 @@ def _material(
     fibre: object,
     features: Features,
     specialised: bool,
+    bound: Packed | None,
 ) -> FibreMaterial:
     """A fibre of the scene on the device."""
+    varies = bound is not None and bound.by != "constant"
     model, residual = model_of(fibre), scene.render.residual
     needed = model.features(fibre, residual=residual)
     return build_material(
         memory,
         fibre,
-        features,
+        features.with_(absorption=bound.by) if bound and varies else features,
         samplers.find(scene.render.sampling),
         fibre_features=needed if specialised else needed.everything_on(),
         drop_lobes=specialised,
         name=name,
+        absorbs=bound.absorbs if bound and varies else None,
+        absorption=bound.words if bound and varies else None,
     )
+
+
+def _bind(scene: Scene, fibres: dict[str, Any], grooms: Grooms) -> dict[str, Packed]:
+    """What differs between the strands of each material that says so."""
+    bound = {}
+    for number, (name, table) in enumerate(scene.materials().items()):
+        if table.absorption and grooms.of_material(number):
+            fibre = fibres[name]
+            bound[name] = bind(table.absorption, model_of(fibre), fibre, grooms, number)
+    return bound
+
+
+def _bound_fibre(fibre: Any, bound: Packed) -> Any:
+    """A fibre with the largest absorption that its strands have."""
+    return model_of(fibre).with_absorption(fibre, bound.sigma)
 
 
 def _wavefront(
@@ -209,6 +270,7 @@ def _wavefront(
     scene: Scene,
     features: Features,
     materials: list[FibreMaterial],
+    meshes: Meshes | None,
     lights: Lights,
     film: Film,
     curves: Curves,
@@ -218,30 +280,53 @@ def _wavefront(
     middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
     light = lights.device_buffer(features.light_sampling, middle)
     buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
+    shading = None
+    if meshes and isinstance(features.meshes, MeshPart):
+        shading = memory.upload("mesh shading", meshes.shading(features.meshes))
     return Wavefront(
         memory,
         features,
         [material.with_features(features) for material in materials],
         None if features.surface is None else (scene.body or ABSENT).params(),
+        shading,
         buffer,
-        camera_struct(scene, curves),
+        camera_struct(scene.resolved_camera(curves, meshes), scene.film),
         film,
         curves.n_points,
         size.paths,
     )
 
 
-def camera_struct(scene: Scene, curves: Curves) -> np.ndarray:
-    """The struct Camera of a scene; frames the groom where the scene leaves that open."""
-    camera = scene.resolved_camera(curves)
+def _surfaces(scene: Scene, features: Features) -> list[str]:
+    """Names of what rays meet beside fibres and lamps, as cryptomattes have them."""
+    body = [] if features.surface is None else ["body"]
+    return [*body, *(f"mesh.{name}" for name in scene.mesh)]
+
+
+def camera_struct(camera: Camera, film: FilmTable) -> np.ndarray:
+    """The struct Camera of a resolved camera."""
     origin, right, up, forward = camera.frame()
-    height = math.tan(0.5 * math.radians(camera.vfov_deg))
+    height = camera.half_height
     out = np.zeros((), layout.struct_dtype("Camera"))
     out["origin"][:3] = origin
-    out["right"][:3] = right * height * scene.film.aspect
+    out["right"][:3] = right * height * film.aspect
     out["up"][:3] = up * height
     out["forward"][:3] = forward
     out["aperture_radius"] = camera.aperture_radius
     out["focus_distance"] = camera.focus_distance or 0.0
-    out["filter_radius_px"] = scene.film.support_px
+    out["filter_radius_px"] = film.support_px
     return out
+
+
+def wave_struct(scene: Scene, wavefront: Wavefront) -> np.ndarray:
+    """The struct Wave with what all waves of a scene have alike."""
+    wave = np.zeros((), layout.struct_dtype("Wave"))
+    window = scene.film.window
+    wave["width"], wave["height"] = window.width, window.height
+    wave["picture_width"], wave["picture_height"] = window.full_width, window.full_height
+    wave["crop_left"], wave["crop_top"] = window.left, window.top
+    wave["n_slots"] = wavefront.n_slots
+    wave["roulette_depth"] = scene.render.first_roulette
+    wave["roulette_threshold"] = scene.render.survival_threshold
+    wave["shadow_threshold"] = scene.render.shadow_threshold
+    return wave

@@ -34,12 +34,10 @@ def scene_digest(scene: Scene, curves: Curves | Grooms | None = None) -> str:
     document = msgspec.to_builtins(scene)
     del document["render"], document["name"], document["film"]["exposure_stops"]
     grooms = scene.build_grooms() if curves is None else Grooms.of(curves)
-    parts: list[object] = []
-    for groom in (groom.curves for groom in grooms.grooms):
-        parts.append(sorted(groom.attributes))
-        arrays = [groom.points, groom.radii, groom.offsets]
-        arrays += [groom.attributes[name] for name in sorted(groom.attributes)]
-        parts += [np.ascontiguousarray(array).tobytes() for array in arrays]
+    whole = grooms.curves
+    arrays = [whole.points, whole.radii, whole.offsets]
+    arrays += [array for groom in grooms.grooms for array in groom.curves.attributes.values()]
+    parts: list[object] = [np.ascontiguousarray(array).tobytes() for array in arrays]
     for keys, table in list(files_in(document)):
         # What is in a file counts, not where it lies; the groom's is in the arrays.
         name = table.pop(keys[-1])

@@ -1,21 +1,31 @@
 /* Stage 4 of fibres. Chooses the lobe and the offset h for every path that met a fibre.
 
-   reads    state: DIR, HIT_SEGMENT; vertices, material
+   reads    state: DIR, HIT_*; vertices, material, absorption (where strands or points have values)
    writes   state: LOBE, OFFSET_H, JOINT; lobe_counts (with FURCL_STATISTICS)
    over     the hit queue of its material, of number `queue`, FURCL_PATHS_PER_ITEM a work-item
    next     shade */
 #include "fibre/sampler.clh"
 #include "geometry/fibre_hits.clh"
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+#include "fibre/absorption.clh"
+#endif
 
 __kernel void sample_lobe_h(
     __global float* state, __global const uint* hit_queues, __global const uint* counts,
     const Wave wave, const uint depth, const uint queue, __global const StoredVertex* vertices,
-    __global const float* material, __global uint* lobe_counts)
+    __global const float* material, __global uint* lobe_counts
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+    , __global const uint* absorption, __global const uint* strands
+#endif
+    )
 {
     const uint n_hits = counts[FURCL_COUNT_HITS + queue];
     const Paths paths = {state, wave.n_slots};
     __global const uint* hit_queue = hit_queues + (size_t)queue * wave.n_slots;
-    const Fibre fibre = fibre_of(material);
+    Fibre fibre = fibre_of(material);
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+    const Absorption values = absorption_of(absorption, strands);
+#endif
 #if FURCL_STATISTICS
     uint chosen_times[FURCL_LOBES];
     for (uint p = 0; p < FURCL_LOBES; p++) chosen_times[p] = 0u;
@@ -28,6 +38,9 @@ __kernel void sample_lobe_h(
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
+#if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
+            take_absorption(&fibre, values, paths, slot);
+#endif
             const Incidence in = incidence_at(
                 &fibre, lane(&hits.frames.sin_theta, k), lane(&hits.frames.cos_theta, k));
             const LobeAndOffset chosen = sample_lobe_and_offset(&fibre, &in, lane4(&hits.xi, k).xyz);

@@ -15,6 +15,7 @@ from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.table import FibreTable
 from furcl.fibre.model import FibreModel
+from furcl.fibre.pigment import sigma_ca_from_colours
 
 if TYPE_CHECKING:
     from furcl.device.choice import Device
@@ -29,6 +30,7 @@ class DoubleCylinder(FibreModel):
     header = Path("fibre/double_cylinder/bcsdf.clh")
     struct = layout.STRUCT
     reference = "furcl.fibre.double_cylinder.reference"
+    absorbed = "sigma_ca"
 
     @property
     def table(self) -> type[FibreTable]:
@@ -86,6 +88,9 @@ class DoubleCylinder(FibreModel):
         from furcl.fibre.double_cylinder.profiles import build_profiles
 
         return build_profiles(device, fibre)
+
+    def absorption_of_colour(self, fibre: Fibre, colour: np.ndarray) -> np.ndarray:
+        return sigma_ca_from_colours(colour, fibre.beta_n_deg)
 
     def data(
         self, prepared: MedullaProfiles | None, features: DoubleCylinderFeatures

@@ -36,6 +36,7 @@ class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="
     preset : str            parameters by name, see `furcl.Fibre.preset`
     colour : (r,g,b)        wanted colour of a thick groom, from which sigma_ca follows
     melanin : table         pigments, from which sigma_ca follows
+    absorption : table      sigma_ca where it differs between strands or along them
     """
 
     described_by: ClassVar = Fibre
@@ -57,11 +58,13 @@ class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="
 
     def __post_init__(self) -> None:
         ways = [k for k in ("sigma_ca", "colour", "melanin") if getattr(self, k) is not None]
+        ways += ["absorption"] if self.absorption and self.absorption.has_values else []
         if len(ways) > 1:
             raise ValueError(f"the colour is given by {' and '.join(ways)}; keep one of them")
         if not ways and self.preset is None:
             raise ValueError(
-                "there is neither a preset nor a colour; give preset, sigma_ca, colour or melanin"
+                "there is neither a preset nor a colour; give preset, sigma_ca, colour, "
+                "melanin or absorption"
             )
 
     def build(self) -> Fibre:
@@ -74,7 +77,8 @@ class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="
         changes: dict[str, Any] = {
             name: getattr(self, name)
             for name in self.__struct_fields__
-            if name not in ("preset", "colour", "melanin") and getattr(self, name) is not None
+            if name not in ("preset", "colour", "melanin", "absorption")
+            and getattr(self, name) is not None
         }
         if self.preset is not None:
             fibre = Fibre.preset(self.preset, **changes)

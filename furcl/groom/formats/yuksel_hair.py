@@ -70,7 +70,8 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
         if sizes["colours"]:
             colours = _read(file, "<f4", 3 * n_points, path).reshape(n_points, 3)
     dropped = {"transparency_values": n_points if sizes["transparency"] else 0}
-    return adopted(points, radii, offsets, source=str(path), colours=colours, dropped=dropped)
+    named = {} if colours is None else {"colours": colours}
+    return adopted(points, radii, offsets, source=str(path), attributes=named, dropped=dropped)
 
 
 def write_hair(curves: Curves, file: BinaryIO, path: Path) -> None:
