@@ -74,6 +74,7 @@ def host_z(device, scene, factor=1.0, paths=10_000) -> float:
     return float(np.abs((found - mean) / np.sqrt(variance)).max())
 
 
+@pytest.mark.slow
 @pytest.mark.statistical
 @pytest.mark.parametrize("factor", [1.0, 1.1], ids=["true", "mutant"])
 @pytest.mark.parametrize("name", [*ONES, "all in a sky"])
@@ -253,33 +254,3 @@ def test_without_lamps_nothing_of_them_is_compiled(device):
         assert "LAMP_KIND" not in text
         assert "#define FURCL_LAMPS 1" not in text
         assert "SHADOW_LAMP" not in text.split("enum", 1)[-1].split("}", 1)[0]
-
-
-@pytest.mark.statistical
-def test_many_small_lamps_converge_like_one(device):
-    """64 quads, in all a square unit, and one of that size in the middle of where they are: mean
-    squared errors at equal samples over the squared means, the film's estimate. At most twice."""
-    one = {"key": {"kind": "quad", "position": [0.0, -1.5, 1.5], "target": [0, 0, 0],
-                   "size": [1.0, 1.0], "radiance": 3.0}}  # fmt: skip
-    rng = np.random.default_rng(2)
-    many = {
-        f"lamp{i}": {
-            "kind": "quad", "target": [0, 0, 0], "size": [0.125, 0.125], "radiance": 3.0,
-            "position": (2.1 * _on_dome(rng)).tolist(),
-        }
-        for i in range(64)
-    }  # fmt: skip
-    errors = [_relative_error(device, patch(lamps, spp=64)) for lamps in (one, many)]
-    assert errors[1] < 2.0 * errors[0], f"{errors[1] / errors[0]:.2f}"
-
-
-def _on_dome(rng):
-    way = rng.normal(size=3)
-    way[2] = abs(way[2]) + 0.3
-    return way / np.linalg.norm(way)
-
-
-def _relative_error(device, scene) -> float:
-    image = furcl.render(scene, device=device)
-    assert image.variance is not None
-    return float(image.variance.mean(dtype=np.float64) / image.rgb.mean(dtype=np.float64) ** 2)
