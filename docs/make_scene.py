@@ -119,6 +119,12 @@ def sections() -> list[Section]:
                 Section(field.name, struct, kinds.tag, kind, kind == kinds.default)
                 for kind, struct in kinds.tables().items()
             ]
+        elif named and NAMED[field.name] == field.name:
+            kinds = kinds_at((field.name, "NAME"))
+            outer = [
+                Section(f"{field.name}.NAME", struct, kinds.tag, kind)
+                for kind, struct in (kinds.tables() if kinds else {}).items()
+            ]
         elif named:
             outer = [] if NAMED[field.name] else [Section(f"{field.name}.NAME", named)]
         else:
@@ -126,12 +132,13 @@ def sections() -> list[Section]:
         for section in outer:
             inner = msgspec.structs.fields(section.struct)
             found += [section]
-            found += [
+            tables = [
                 Section(f"{section.name}.{f.name}", t)
                 for f in inner
                 if not (named and kinds_at((*section.name.split("."), f.name)))
                 for t in _tables_in(f.type)
             ]
+            found += [table for table in tables if table not in found]
     return found
 
 

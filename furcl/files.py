@@ -1,4 +1,4 @@
-"""Writing files so that a reader never sees half of one."""
+"""Files: reading regular ones only, and writing so that a reader never sees half of one."""
 
 import errno
 import hashlib
@@ -6,11 +6,13 @@ import logging
 import os
 import re
 import secrets
+import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import quote
 
 from furcl.errors import FurclError
@@ -18,6 +20,15 @@ from furcl.values import shown
 
 # Older temporary files belong to no process that still writes them.
 OLD_S = 3600.0
+# Larger texts, of kernels or results, are none that furcl or a person wrote.
+LARGEST_TEXT_BYTES = 1 << 28
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
 # What names stand in file names with: with what is added, systems allow 255 bytes.
 LONGEST_NAME = 100
 _TEMPORARY = re.compile(r"\.furcl-[0-9a-f]{16}(\.\w+)?")
@@ -43,6 +54,46 @@ def named(path: str | os.PathLike[str], error: type[FurclError]) -> Path:
         if reason.errno == errno.ENAMETOOLONG:
             raise error(f"path {shown(str(path))}: the name is too long; choose another") from None
     return path
+
+
+def check_regular(path: str | os.PathLike[str]) -> None:
+    """Refuse what is read without an end, or only once: all but regular files with something in
+    them.
+
+    Files of /proc say that they are empty, and reading some of them waits for ever.
+
+    Raises
+    ------
+    OSError         there is none, it cannot be looked at, or is something else, which its strerror
+                    says
+    """
+    found = Path(path).stat()
+    for is_kind, name in _KINDS:
+        if is_kind(found.st_mode):
+            raise OSError(errno.EINVAL, f"it is {name}, not a regular file", str(path))
+    if found.st_size == 0:
+        raise OSError(errno.EINVAL, "it is empty", str(path))
+
+
+def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
+    """A regular file, open to be read. Raises as `check_regular` and `open` do."""
+    check_regular(path)
+    return Path(path).open("rb")
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """The UTF-8 text of a regular file, without a byte order mark.
+
+    Raises
+    ------
+    OSError         as `check_regular`; more than LARGEST_TEXT_BYTES
+    ValueError      another encoding
+    """
+    with open_regular(path) as file:
+        data = file.read(LARGEST_TEXT_BYTES + 1)
+    if len(data) > LARGEST_TEXT_BYTES:
+        raise OSError(errno.EFBIG, f"it has more than {LARGEST_TEXT_BYTES} bytes", str(path))
+    return data.decode("utf-8-sig")
 
 
 def file_name(text: str) -> str:

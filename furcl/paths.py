@@ -29,6 +29,12 @@ def cache_folder() -> Path:
     return Path(os.environ.get("FURCL_CACHE_DIR") or platformdirs.user_cache_dir("furcl"))
 
 
+def module_environment(**changes: str) -> dict[str, str]:
+    """The environment for `python_command("-m", ...)` with a module of furcl, wherever it lies."""
+    folders = [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, folders)), **changes}
+
+
 def python_command(*arguments: str) -> list[str]:
     """A command that runs this Python, and no module that lies in the working folder.
 

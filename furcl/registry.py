@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from furcl.errors import FurclError
+from furcl.files import read_text
 
 T = TypeVar("T")
 
@@ -89,7 +90,7 @@ class Registry(Generic[T]):
         self.error
         """
         try:
-            text = header.read_text(encoding="utf-8")
+            text = read_text(header)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise self.error(

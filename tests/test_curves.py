@@ -1,5 +1,9 @@
 """Curves: what cleaning keeps, drops and refuses."""
 
+import copy
+import pickle
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -35,6 +39,63 @@ def test_arrays_are_read_only_but_the_callers_are_not(name):
     assert points.flags.writeable
     assert radii.flags.writeable
     assert offsets.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        (form, name)
+        for form in ("flat", "equal strands", "memory view", "parts of one array")
+        for name in ("points", "radii", "offsets", "colours")
+        if (form, name) != ("equal strands", "offsets")
+    ],
+)
+def test_what_the_caller_writes_later_does_not_reach_the_groom(form, name):
+    given: dict[str, Any]
+    if form == "parts of one array":
+        block = np.linspace(0.1, 1.0, 63, dtype=np.float32)
+        given = {"points": block[:27].reshape(9, 3), "radii": block[27:36]}
+        given |= {"colours": block[36:].reshape(9, 3), "offsets": np.array([0, 4, 9])}
+    else:
+        given = dict(zip(("points", "radii", "offsets"), three_strands(), strict=True))
+        given["colours"] = np.linspace(0.0, 1.0, 27, dtype=np.float32).reshape(9, 3)
+    if form == "equal strands":
+        given = {k: v.reshape(3, 3, *v.shape[1:]) for k, v in given.items() if k != "offsets"}
+    passed: dict[str, Any] = {
+        k: memoryview(v) if form == "memory view" else v for k, v in given.items()
+    }
+    curves = Curves.from_arrays(**passed)
+    before = getattr(curves, name).copy()
+    given[name][...] = 7
+    np.testing.assert_array_equal(getattr(curves, name), before)
+
+
+@pytest.mark.parametrize(
+    "copied",
+    [copy.copy, copy.deepcopy, lambda c: pickle.loads(pickle.dumps(c))],
+    ids=["copy", "deepcopy", "pickle"],
+)
+@pytest.mark.parametrize("coloured", [True, False])
+def test_grooms_are_copied_and_pickled(copied, coloured):
+    points, radii, offsets = three_strands()
+    radii[4] = 0.0
+    colours = points / points.max() if coloured else None
+    curves = Curves.from_arrays(points, radii, offsets, colours=colours)
+    again = copied(curves)
+    assert dict(again.dropped) == dict(curves.dropped) == {"radii_below_1e-18": 1}
+    for name in ("points", "radii", "offsets", "colours"):
+        array = getattr(again, name)
+        np.testing.assert_array_equal(array, getattr(curves, name))
+        assert array is None or not array.flags.writeable
+
+
+@pytest.mark.parametrize("name", ["points", "radii", "offsets", "colours"])
+@pytest.mark.parametrize("values", [[[1.0], [1.0, 2.0]], "three", [None, {}]])
+def test_what_is_no_array_is_refused(name, values):
+    points, radii, offsets = three_strands()
+    given: dict[str, Any] = {"points": points, "radii": radii, "offsets": offsets, name: values}
+    with pytest.raises(GroomError, match=f"curves: {name} "):
+        Curves.from_arrays(**given)
 
 
 def test_scalar_radius_and_other_number_types():
@@ -183,8 +244,8 @@ REFUSED = {
         r"radii has shape \(12,\); expected \(4, 3\)",
     ),
     "colours of strands": (
-        {"points": np.ones((4, 3, 3)), "radii": 1.0, "colours": np.ones((4, 3))},
-        r"colours has shape \(4, 3\); expected \(4, 3, 3\)",
+        {"points": np.ones((4, 3, 3)), "radii": 1.0, "colours": np.ones((4, 2))},
+        r"colours has shape \(4, 2\); expected \(12, 3\) of points or \(4, 3\) of strands",
     ),
     "no strands of points": ({"points": np.ones((0, 3, 3)), "radii": 1.0}, "empty"),
     "strands of one point": (
@@ -193,8 +254,18 @@ REFUSED = {
     ),
     "text points": (changed(points=[["a", "b", "c"]] * 9), "points has type <U1; .*real numbers"),
     "radii a strand": (changed(radii=[1, 1, 1]), r"radii has shape \(3,\); expected \(9,\)"),
-    "colour shape": (changed(colours=np.zeros((3, 3))), r"colours has shape \(3, 3\)"),
-    "colour nan": (changed(colours=np.full((9, 3), np.nan)), "strand 0, point 0: the colour"),
+    "colour shape": (changed(colours=np.zeros((4, 3))), r"colours has shape \(4, 3\)"),
+    "scalar colours": (changed(colours=np.zeros(9)), r"colours has shape \(9,\)"),
+    "colour nan": (changed(colours=np.full((9, 3), np.nan)), "strand 0, point 0: colours is not f"),
+    "attribute of strands nan": (
+        changed(attributes={"age": np.array([0.0, np.inf, 0.0])}),
+        "strand 1: age is not finite",
+    ),
+    "attribute shape": (
+        changed(attributes={"age": np.zeros(5)}),
+        r"age has shape \(5,\); expected .*, or \(9,\) or \(3,\)",
+    ),
+    "attribute name": (changed(attributes={"radius": np.zeros(9)}), "'radius': that name has"),
     "too many points": (
         changed(points=np.broadcast_to(np.float32(0), (2**31, 3)), radii=1.0),
         "2147483648 points; at most 2147483647",

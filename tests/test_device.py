@@ -248,15 +248,19 @@ def test_a_verdict_holds_where_it_was_found(
         runs = fake_python(tmp_path, monkeypatch, "exit 0")
 
 
-def test_a_remembered_failure_is_not_believed(
+def test_what_another_device_passed_is_not_believed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Such as former versions wrote."""
-    fake_python(tmp_path, monkeypatch, "exit 0")
-    assert verdict.of("0:0", "a device").passed
-    (path,) = (tmp_path / "cache" / "selftest").iterdir()
-    path.write_text('{"passed": false, "reason": "it is over"}')
-    assert verdict.of("0:0", "a device").passed
+    """A whole file under the name of another."""
+    runs = fake_python(tmp_path, monkeypatch, "exit 0")
+    verdict.of("0:0", "a device")
+    folder = tmp_path / "cache" / "selftest"
+    (path,) = folder.iterdir()
+    verdict.of("0:0", "another")
+    (other,) = (file for file in folder.iterdir() if file != path)
+    path.rename(other)
+    verdict.of("0:0", "another")
+    assert runs.read_text().count("run") == 3
 
 
 @pytest.mark.parametrize("start", ["furcl", "-m"])

@@ -21,6 +21,7 @@ from furcl.fibre.double_cylinder.model import MODEL
 from furcl.fibre.material import NEGLIGIBLE_SHARE
 from furcl.groom.curves import Curves
 from furcl.light import kinds as lights
+from furcl.light.lamps.layout import KINDS, LampsPart
 from furcl.paths import scene_folder
 from furcl.rendering.learning import LearningPart
 from furcl.rendering.probe import Probe
@@ -43,8 +44,17 @@ FIBRE_VALUES = {
 VALUES = {
     **FIBRE_VALUES,
     "sampler": samplers.BUILT_IN,
+    "fibres": (1, 2),
     "channels": (1, 3),
-    "light": tuple(light.kind for light in lights.BUILT_IN),
+    "light": (None, *(light.kind for light in lights.BUILT_IN)),
+    "lamps": (
+        None,
+        LampsPart(KINDS),
+        LampsPart(("quad", "sphere"), by_position=False),
+        LampsPart(("disk", "spot")),
+        LampsPart(("point",)),
+        LampsPart(("distant",)),
+    ),
     "light_sampling": (False, True),
     "point_radii": (False, True),
     "surface": (None, PART),
@@ -66,7 +76,8 @@ def _features(values):
     own = {name: values[name] for name in FIBRE_VALUES if name in values}
     rest = {name: value for name, value in values.items() if name not in FIBRE_VALUES}
     rest["sampler"] = samplers.find(rest.get("sampler", "full-cdf"))
-    rest["light"] = lights.find(rest.get("light", "constant")).part()
+    light = rest.get("light", "constant")
+    rest["light"] = lights.find(light).part() if light else None
     return Features(fibre=DoubleCylinderFeatures(**own), **rest)
 
 
@@ -78,8 +89,10 @@ def _text(device, features, stage):
 
 def _reachable(values):
     """Combinations that a scene can have: scattering needs a medulla, colours need channels, a plan
-    needs variance."""
+    needs variance; there is some light."""
     if values["planned"] and not values["variance"]:
+        return False
+    if values["light"] is None and values["lamps"] is None:
         return False
     if values["scattered"] and not values["medulla"]:
         return False
@@ -242,6 +255,7 @@ ABSENT = [
     ({"light_sampling": False}, "shade", ("light_sample(", "light_density(")),
     ({"point_radii": False}, "sample_lobe_h", ("typedef float4 StoredVertex",)),
     ({"surface": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
+    ({"fibres": 1}, "intersect_closest", ("material_of_vertex(",)),
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
@@ -263,6 +277,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
+        "fibres": 2,
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

@@ -18,6 +18,7 @@ import furcl
 from furcl.device.features import Features
 from furcl.errors import FibreError, SceneError
 from furcl.fibre import model as models
+from furcl.fibre.model import Lobe
 from furcl.scene.read import with_overrides
 
 COLOURED = LambertFibre((0.9, 0.5, 0.2), 0.6)
@@ -47,6 +48,30 @@ def test_names_of_furcl_are_kept():
 
     with pytest.raises(FibreError, match="choose another"):
         models.register(Taken())
+
+
+@pytest.mark.parametrize(
+    ("lacks", "lobe", "message"),
+    [
+        (None, Lobe("diffuse"), r"bcsdf\.clh cannot be read: No such file"),
+        ("lobe_terms", Lobe("diffuse"), r"does not define lobe_terms; see kernels/"),
+        ("", Lobe("diffuse", h_given_phi=True), r"does not define lobe_azimuthal_estimate;"),
+    ],
+)
+def test_headers_are_checked(tmp_path, lacks, lobe, message):
+    path = tmp_path / "bcsdf.clh"
+    if lacks is not None:
+        text = MODEL.header.read_text()
+        path.write_text(text.replace(lacks, "other") if lacks else text)
+
+    class Own(Lambert):
+        name = "own"
+        lobes = (lobe,)
+        header = path
+
+    with pytest.raises(FibreError, match=f"^fibre model 'own': .*{message}"):
+        models.register(Own())
+    assert "own" not in models.names()
 
 
 @pytest.mark.parametrize(

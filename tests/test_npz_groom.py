@@ -25,7 +25,7 @@ def forged_npz(n_rows, n_bytes=240):
 
 
 BAD_NPZ = {
-    "empty file": (b"", "not a whole .npz"),
+    "empty file": (b"", "it is empty"),
     "not a zip": (b"points " * 40, "not a whole .npz"),
     "truncated": (npz_bytes(**good_arrays())[:-30], "not a whole .npz"),
     "no points": (npz_bytes(radii=THICKNESS), "no array 'points'; expected points"),

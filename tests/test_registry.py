@@ -66,6 +66,12 @@ def test_headers_that_cannot_be_used(registry, tmp_path, content, message):
         registry.check_header("lamp", header, ("radiance", "sample"), "the page")
 
 
+def test_a_byte_order_mark_is_no_part_of_a_header(registry, tmp_path):
+    (tmp_path / "lamp.clh").write_bytes(b"\xef\xbb\xbfradiance sample")
+    words = registry.check_header("lamp", tmp_path / "lamp.clh", ("radiance", "sample"), "")
+    assert words == {"radiance", "sample"}
+
+
 def test_words_of_a_header(registry, tmp_path):
     (tmp_path / "lamp.clh").write_text("float radiance(int a);\nsample")
     words = registry.check_header("lamp", tmp_path / "lamp.clh", ("radiance", "sample"), "")

@@ -305,7 +305,7 @@ def test_missing_tables(table):
         (b"[render\n", "not valid TOML: .* line 1"),
         (b"HAIR\xff\xfe", "byte 4 is not UTF-8; a scene is a TOML text"),
         (b"[render]\nspp = 1\nspp = 2\n", "not valid TOML"),
-        (b"", "environment is missing"),
+        (b"", "cannot be read: it is empty"),
     ],
 )
 def test_bad_files(tmp_path, content, message):
@@ -314,6 +314,16 @@ def test_bad_files(tmp_path, content, message):
         path.write_bytes(content)
     with pytest.raises(SceneError, match=rf"bad\.toml: {message}"):
         load_scene(path)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path, end):
+    """As editors of Windows write it."""
+    path, text = tmp_path / "a.toml", (SCENES / "red_fox.toml").read_text()
+    path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", end).encode())
+    assert msgspec.structs.replace(load_scene(path), name="") == msgspec.structs.replace(
+        load_scene(SCENES / "red_fox.toml"), name=""
+    )
 
 
 def test_a_folder_is_no_scene(tmp_path):

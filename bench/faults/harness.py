@@ -97,7 +97,9 @@ def told(ended: Ended, code: int, *words: str) -> str:
     return f"code {code}: {lines[-1][:160]}" if lines else f"code {code}"
 
 
-def refused(call: Callable[[], object], error: type[FurclError], *words: str) -> str:
+def refused(
+    call: Callable[[], object], error: type[FurclError] | tuple[type[FurclError], ...], *words: str
+) -> str:
     """The message of an error that a call must raise, with words that it must have."""
     try:
         call()

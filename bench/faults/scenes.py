@@ -99,8 +99,8 @@ _RENDER: dict[str, tuple[type, dict[str, Any]]] = {
 
 
 def _probes(call: Callable[[api.Probe], object], folder: Path, quick: bool) -> str:
-    probe = api.Probe(api.Fibre.preset("human-black"))
-    return refused(lambda: call(probe), FibreError)
+    probe = api.Probe(api.Fibre.preset("human-black"), light_sampling=True)
+    return refused(lambda: call(probe), (FibreError, ResourceError))
 
 
 _WO = np.array([0.0, 0.0, 1.0])
@@ -115,6 +115,31 @@ _PROBES: dict[str, Callable[[api.Probe], object]] = {
     "numbers of 1": lambda p: p.sample(_WO, 4, numbers=np.ones((4, 2, 4))),
     "numbers of nan": lambda p: p.sample(_WO, 4, numbers=np.full((4, 2, 4), np.nan)),
     "numbers of another shape": lambda p: p.sample(_WO, 4, numbers=np.zeros((4, 3))),
+    "numbers that are text": lambda p: p.sample(_WO, 4, numbers=[["x"]]),
+    "3 * 10^8 samples": lambda p: p.sample(_WO, 3 * 10**8),
+    "10^12 samples": lambda p: p.sample(_WO, 10**12),
+    "channels = 7": lambda p: api.Probe(p.fibre, device=p.device, channels=7),
+    "channels = 1 of a coloured fibre": lambda p: api.Probe(
+        api.Fibre(sigma_ca=(1.0, 2.0, 3.0)), device=p.device, channels=1
+    ),
+    "h = 5": lambda p: p.evaluate(_WO, _WO, 5.0),
+    "h = nan": lambda p: p.pdf(_WO, _WO, float("nan")),
+    "h of two sizes": lambda p: p.evaluate(np.tile(_WO, (3, 1)), _WO, [0.0, 0.1]),
+    "h in two dimensions": lambda p: p.evaluate(_WO, _WO, np.zeros((2, 3))),
+    "ragged h": lambda p: p.evaluate(_WO, _WO, [[0.0], [0.0, 0.1]]),
+    "theta_in in two dimensions": lambda p: p.attenuation(0.0, np.zeros((2, 3))),
+    "theta_in = 2": lambda p: p.attenuation(0.0, 2.0),
+    "theta_in = nan": lambda p: p.attenuation(0.0, float("nan")),
+    "theta_in of words": lambda p: p.attenuation(0.0, "x"),
+    "wo of complex numbers": lambda p: p.sample(_WO * 1j, 4),
+    "wo of length 2": lambda p: p.sample(2.0 * _WO, 4),
+    "wo of nan": lambda p: p.sample(np.nan * _WO, 4),
+    "wo of two numbers": lambda p: p.sample(_WO[:2], 4),
+    "7 wo and 9 wi": lambda p: p.evaluate(np.tile(_WO, (7, 1)), np.tile(_WO, (9, 1)), 0.0),
+    "7 wo and 9 wi of light": lambda p: p.estimate_far_field(
+        np.tile(_WO, (7, 1)), np.tile(_WO, (9, 1))
+    ),
+    "seed = -1 of light": lambda p: p.estimate_far_field(_WO, _WO, seed=-1),
 }
 
 CASES = [

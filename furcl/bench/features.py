@@ -103,8 +103,7 @@ def _build_facts(renderer: Renderer, seconds: NDArray[np.float64]) -> dict[str, 
 
 
 def _state_and_table_bytes(renderer: Renderer) -> int:
-    held = renderer.memory.bytes
-    return sum(held[name] for name in ("path state", "material", "film", "light"))
+    return sum(renderer.memory.held(name) for name in ("path state", "material", "film", "light"))
 
 
 def preprocessed(source: str) -> str:

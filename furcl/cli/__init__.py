@@ -15,6 +15,7 @@ import typer
 from furcl.cli import bench, devices, files, render
 from furcl.cli.console import set_up_logging
 from furcl.cli.losable import losable_log
+from furcl.device import crashes
 from furcl.errors import FurclError, NoDeviceError
 from furcl.memory import little_address_space
 from furcl.settings import switched_on
@@ -92,10 +93,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with losable_log():
         _write_any_letter()
         set_up_logging()
+        crashes.watch()
         try:
             _run(arguments)
         finally:
             _flush()
+            crashes.forget()
 
 
 def _run(arguments: Sequence[str] | None) -> None:

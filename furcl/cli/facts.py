@@ -13,10 +13,12 @@ from furcl.cli import warnings
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
+from furcl.groom.joined import Grooms
 from furcl.scene.tables import Scene
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.device.choice import Device
+    from furcl.device.memory import Memory
     from furcl.fibre.double_cylinder.profiles import MedullaProfiles
     from furcl.fibre.material import FibreMaterial
 
@@ -41,14 +43,15 @@ def of_scene(scene: Scene) -> dict[str, str]:
     GroomError, ImageError      if a file that the scene names cannot be used
     """
     film, render = scene.film, scene.render
-    fibre, curves = scene.build_fibre(), scene.build_curves()
+    grooms = scene.build_grooms()
+    curves = grooms.curves
     return {
         "scene": scene.name,
         "film": f"{film.width} x {film.height}, {film.filter} filter",
-        "fibre": f"{fibre.model}: {_parameters(fibre)}",
-        "fibre's source": getattr(fibre, "provenance", "given by the user"),
+        **_of_fibres(scene.build_fibres()),
         "environment": _environment(scene),
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
+        **_of_grooms(grooms, list(scene.materials())),
         **_of_curves(curves),
         **{f"warning {n}": said for n, said in enumerate(warnings.of_scene(scene, curves), 1)},
     }
@@ -67,14 +70,47 @@ def on_device(scene: Scene, device: str | Device | None = None) -> dict[str, str
     from furcl.rendering.specialise import compiled_in, left_out
 
     renderer = Renderer(scene, device)
-    opened, material = renderer.device, renderer.material
+    opened = renderer.device
+    of_materials = {}
+    for material in renderer.materials:
+        facts = {
+            **_of_double_cylinder(material, opened),
+            "compiled in": ", ".join(compiled_in(material)),
+            **{f"no {name}": why for name, why in left_out(material).items()},
+        }
+        of_materials |= _named(facts, material.name, len(renderer.materials))
     return {
         "device": f"{opened.name}, {opened.platform}, driver {opened.driver_version}",
-        **_of_double_cylinder(material, opened),
-        "compiled in": ", ".join(compiled_in(material)),
-        **{f"no {name}": why for name, why in left_out(material).items()},
-        **_memory(renderer.memory.bytes),
+        **of_materials,
+        **_memory(renderer.memory),
         "set-up": ", ".join(f"{name} {t:.2f} s" for name, t in renderer.seconds.items()),
+    }
+
+
+def _named(facts: dict[str, str], name: str, count: int) -> dict[str, str]:
+    """Facts of one of so many things, which are told apart by their names if they are several."""
+    return {f"{name}: {key}": value for key, value in facts.items()} if count > 1 else facts
+
+
+def _of_fibres(fibres: dict[str, Any]) -> dict[str, str]:
+    facts = {}
+    for name, fibre in fibres.items():
+        of_fibre = {
+            "fibre": f"{fibre.model}: {_parameters(fibre)}",
+            "fibre's source": getattr(fibre, "provenance", "given by the user"),
+        }
+        facts |= _named(of_fibre, name, len(fibres))
+    return facts
+
+
+def _of_grooms(grooms: Grooms, materials: list[str]) -> dict[str, str]:
+    """A line for each of several grooms."""
+    if len(grooms.grooms) == 1:
+        return {}
+    return {
+        f"groom {groom.name}": f"{groom.curves.n_strands} strands, {groom.curves.n_segments} "
+        f"segments of {materials[groom.material]}"
+        for groom in grooms.grooms
     }
 
 
@@ -95,9 +131,9 @@ def _parameters(fibre: Any) -> str:
 
 
 def _environment(scene: Scene) -> str:
-    clamped = scene.build_light().n_negative
+    clamped = scene.build_lights().n_negative
     found = f", {clamped} pixels below zero set to zero" if clamped else ""
-    return f"{scene.environment}{found}"
+    return f"{scene.environment or 'none'}{found}"
 
 
 def _of_curves(curves: Curves) -> dict[str, str]:
@@ -162,7 +198,7 @@ def _medulla(profiles: MedullaProfiles | None) -> str:
     )
 
 
-def _memory(held: dict[str, int]) -> dict[str, str]:
+def _memory(memory: Memory) -> dict[str, str]:
     from furcl.bvh import build
 
     groups = {
@@ -170,8 +206,8 @@ def _memory(held: dict[str, int]) -> dict[str, str]:
         "material": ("material",),
         "film": ("film", "film samples", "nonfinite"),
     }
-    sizes = {name: sum(held[part] for part in parts) for name, parts in groups.items()}
-    sizes["environment"] = held["light"]
-    sizes["path state"] = sum(held.values()) - sum(sizes.values())
+    sizes = {name: sum(map(memory.held, parts)) for name, parts in groups.items()}
+    sizes["environment"] = memory.held("light")
+    sizes["path state"] = memory.total_bytes - sum(sizes.values())
     parts = ", ".join(f"{name} {size / 2**20:.2f}" for name, size in sizes.items())
-    return {"device memory": f"{sum(held.values()) / 2**20:.2f} MiB: {parts}"}
+    return {"device memory": f"{memory.total_bytes / 2**20:.2f} MiB: {parts}"}

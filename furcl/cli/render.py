@@ -93,7 +93,7 @@ def render(
 
             # The groom is made while OpenCL and what works with it is loaded.
             with ThreadPoolExecutor(1) as beside:
-                curves = beside.submit(loaded.build_curves)
+                curves = beside.submit(loaded.build_grooms)
                 from furcl.rendering.renderer import render as render_scene
 
                 image = render_scene(

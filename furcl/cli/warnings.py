@@ -23,6 +23,8 @@ LONG_SPP = 1e11  # samples of all pixels: hours on any machine
 
 def of_scene(scene: Scene, curves: Curves) -> Iterator[str]:
     """Reasons why the picture may be black, empty, coarse or slow; one sentence each."""
+    for name in scene.material.keys() - scene.materials().keys():
+        yield f"material {name} is of no groom: no groom names it"
     points = _some(curves)
     camera = scene.resolved_camera(curves)
     lower, upper = (bound.astype(np.float64) for bound in curves.bounds())

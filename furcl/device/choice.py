@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import pyopencl as cl
 
+from furcl.device import crashes
 from furcl.device import verdict as _verdict
 from furcl.device.absence import POCL, pocl_cache_problem
 from furcl.device.forks import check_process, mark_used
@@ -156,6 +157,7 @@ def open_cl_device(device: cl.Device) -> Device:
     check_process()
     mark_used()
     context = cl.Context([device])
+    crashes.renew()
     queue = cl.CommandQueue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
     return Device(
         context=context,

@@ -43,17 +43,19 @@ class Part(Protocol):
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
-    The parts are the virtual includes <fibre>, <sampler>, <light>, <surface> and <learning>; None
-    where a kernel has nothing to do with them, or the scene has none.
+    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface> and
+    <learning>; None where a kernel has nothing to do with them, or the scene has none.
 
     Attributes
     ----------
     fibre : Part or None        a fibre model and what it needs, see furcl.fibre.model
     sampler : Part or None      how lobe and offset h are chosen, see furcl.fibre.samplers
-    light : Part or None        see furcl.light
+    light : Part or None        the environment, see furcl.light.model
+    lamps : Part or None        see furcl.light.lamps
     surface : Part or None      a surface beside the strands, see furcl.surface
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
-    channels : int              3 for RGB, 1 where fibre, surface and light are grey
+    fibres : int                fibre materials of the scene, each with kernels of its own
+    channels : int              3 for RGB, 1 where fibres, surface and light are grey
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
@@ -70,8 +72,10 @@ class Features:
     fibre: Part | None = None
     sampler: Part | None = None
     light: Part | None = None
+    lamps: Part | None = None
     surface: Part | None = None
     learning: Part | None = None
+    fibres: int = 1
     channels: int = 3
     light_sampling: bool = False
     point_radii: bool = True
@@ -92,9 +96,25 @@ class Features:
         return {name: part for name, part in found.items() if part is not None}
 
     @property
+    def hit_queues(self) -> int:
+        """Queues of hits: one for each fibre material, the last for the surface if there is one."""
+        return self.fibres + (self.surface is not None)
+
+    @property
     def light_at_infinity(self) -> bool:
-        """Whether light samples have no distance."""
+        """Whether rays that leave the scene find the environment, and samples of it have no
+        distance."""
         return bool(getattr(self.light, "at_infinity", True))
+
+    @property
+    def area_lamps(self) -> bool:
+        """Whether rays can meet lamps."""
+        return bool(getattr(self.lamps, "area", False))
+
+    @property
+    def shadow_distances(self) -> bool:
+        """Whether light samples have distances."""
+        return not self.light_at_infinity or bool(getattr(self.lamps, "placed", False))
 
     def defines(self) -> dict[str, int | str]:
         """Names and values of the preprocessor defines."""
@@ -105,10 +125,13 @@ class Features:
         }
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
+        values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)
+        values["FURCL_ENVIRONMENT"] = int(self.light is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
-        values |= NO_SAMPLER
+        values["FURCL_SHADOW_DISTANCES"] = int(self.shadow_distances)
+        values |= NO_SAMPLER | NO_LAMPS
         for part in self.parts.values():
             values |= part.defines()
         return values
@@ -138,11 +161,15 @@ class Features:
 # What a sampler's part defines, for kernels without one.
 NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0}
 
-PARTS = ("fibre", "sampler", "light", "surface", "learning")
+# What the part of lamps defines, for scenes without any.
+NO_LAMPS = {"FURCL_LAMPS": 0, "FURCL_AREA_LAMPS": 0, "FURCL_LAMP_DISTANT": 0}
+
+PARTS = ("fibre", "sampler", "light", "lamps", "surface", "learning")
 PLAIN_NAMES = {
     "fibre": "model",
     "sampler": "sampling",
     "light": "environment",
+    "lamps": "lamps",
     "surface": "body",
     "learning": "learning",
 }

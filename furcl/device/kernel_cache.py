@@ -15,14 +15,13 @@ from typing import cast
 import pyopencl as cl
 from pyopencl import _cl
 
+from furcl import cache
 from furcl.device.choice import Device
 from furcl.errors import KernelBuildError
-from furcl.files import write_cache
 from furcl.paths import cache_folder
 
 log = logging.getLogger(__name__)
 
-DIGEST_BYTES = hashlib.sha256().digest_size
 OWN_CACHE_PLATFORMS = ("Portable Computing Language",)
 
 
@@ -61,24 +60,20 @@ def built(raw: _cl._Program, options: Sequence[str]) -> cl.Program:
 def load(device: Device, path: Path | None, options: Sequence[str]) -> cl.Program | None:
     """The program of a cached binary; None if there is none that the runtime takes.
 
-    Runtimes may crash on a damaged binary, so it is checked against its digest first.
+    Runtimes may crash on a damaged binary, so its digest matters.
     """
-    if path is None or not path.is_file():
+    binary = cache.load(path) if path else None
+    if path is None or binary is None:
         return None
     try:
-        content = path.read_bytes()
-        digest, binary = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
-        if hashlib.sha256(binary).digest() != digest:
-            log.warning("%s: damaged; building again", path)
-            return None
         return built(_cl._Program(device.context, [device.cl_device], [binary]), options)
-    except (OSError, cl.Error, KernelBuildError) as error:
-        log.warning("%s: not usable (%s); building again", path, error)
+    except (cl.Error, KernelBuildError) as error:
+        cache.refuse(path, error)
         return None
 
 
 def store(program: cl.Program, path: Path | None) -> None:
-    """Keep the binary of a program, where the runtime gives it; see furcl.files.write_cache."""
+    """Keep the binary of a program, where the runtime gives it; see furcl.cache.store."""
     if path is None:
         return
     try:
@@ -86,5 +81,4 @@ def store(program: cl.Program, path: Path | None) -> None:
     except cl.Error as error:
         log.info("%s: kernels not cached: %s", path, error)
         return
-    content = hashlib.sha256(binary).digest() + binary
-    write_cache(path, lambda file: file.write_bytes(content))
+    cache.store(path, binary)

@@ -23,6 +23,8 @@ Fields = tuple[tuple[str, str], ...]
 
 NO_SEGMENT = 0xFFFFFFFF
 SURFACE_HIT = 0xFFFFFFFE
+LAMP_HIT = 0xFFFFFFFD
+NO_LAMP = 0xFFFFFFFF
 NO_BLOCK = 0xFFFFFFFF
 
 Filter = Literal["box", "tent", "gaussian"]
@@ -33,13 +35,10 @@ Sequence = Literal["independent", "sobol"]
 """Sequences of random numbers."""
 SEQUENCES: tuple[Sequence, ...] = get_args(Sequence)
 
-# Materials, each with a hit queue and an entry of the queue lengths.
-MATERIALS = ("fibre", "surface")
-
-# Entries of the buffer of queue lengths; those of the hit queues follow each other. The counters of
-# chosen lobes are in a buffer of their own.
+# Entries of the buffer of queue lengths. Those of the hit queues follow each other: of each fibre
+# material, then of the surface (Features.hit_queues). The counters of chosen lobes are in buffers
+# of their own.
 COUNT_NEXT, COUNT_MISSES, COUNT_SHADOWS, COUNT_HITS = range(4)
-N_COUNTS = COUNT_HITS + len(MATERIALS)
 
 # The record of index checks, in words behind a buffer's contents (furcl/device/index_checks.py).
 CHECK_FAILURES, CHECK_LINE, CHECK_INDEX, CHECK_SIZE = range(4)
@@ -94,6 +93,8 @@ def _constants() -> dict[str, str]:
     words = {
         "NO_SEGMENT": NO_SEGMENT,
         "SURFACE_HIT": SURFACE_HIT,
+        "LAMP_HIT": LAMP_HIT,
+        "NO_LAMP": NO_LAMP,
         "NO_BLOCK": NO_BLOCK,
         "COUNT_NEXT": COUNT_NEXT,
         "COUNT_MISSES": COUNT_MISSES,
@@ -133,7 +134,6 @@ def _constants() -> dict[str, str]:
     return {
         **{name: f"{value:#x}u" for name, value in words.items()},
         **{name: str(value) for name, value in numbers.items()},
-        **{f"MATERIAL_{name.upper()}": f"{i}u" for i, name in enumerate(MATERIALS)},
         **{f"FILTER_{name.upper()}": str(i) for i, name in enumerate(FILTERS)},
         "GRID_MARGIN": hex_float(GRID_MARGIN),
         "RELATIVE_EPSILON": hex_float(RELATIVE_EPSILON),
@@ -225,9 +225,9 @@ PATH_STATE = (
     Plane("FROM_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
     Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
     Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
-    Plane("HIT_T", 1, lambda f: f.surface is not None),  # fibres need HIT_U alone
-    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or SURFACE_HIT
-    Plane("HIT_U", 1),  # along the segment, 0..1
+    Plane("HIT_T", 1, lambda f: f.surface is not None or f.area_lamps),  # fibres need HIT_U alone
+    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or *_HIT
+    Plane("HIT_U", 1),  # along the segment, 0..1; of LAMP_HIT which lamp
     Plane("THROUGHPUT", "spectrum"),
     Plane("RADIANCE", "spectrum"),
     Plane("LOBE", 1),  # uint
@@ -235,7 +235,8 @@ PATH_STATE = (
     Plane("JOINT", 1),  # q(lobe, h), relative to uniform h
     Plane("DIR_PDF", 1, lambda f: f.light_sampling),  # about that of DIR, of any h; 0: camera
     Plane("SHADOW_DIR", 3, lambda f: f.light_sampling),
-    Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and not f.light_at_infinity),
+    Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and f.shadow_distances),
+    Plane("SHADOW_LAMP", 1, lambda f: f.light_sampling and f.area_lamps),  # uint, or NO_LAMP
     Plane("SHADOW_RADIANCE", "spectrum", lambda f: f.light_sampling),
 )
 

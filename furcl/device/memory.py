@@ -38,6 +38,10 @@ class Memory:
         """Bytes held on the device."""
         return sum(list(self.bytes.values()))  # one step: threads may add buffers
 
+    def held(self, kind: str) -> int:
+        """Bytes of the buffer of that name, and of those named "kind: ..."."""
+        return sum(n for name, n in list(self.bytes.items()) if name.split(":")[0] == kind)
+
     @contextmanager
     def scratch(self) -> Iterator[Memory]:
         """Memory for buffers that nobody keeps after the with block; they count for the peak."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from furcl.device import layout
 from furcl.device.features import Features
 from furcl.errors import KernelBuildError
+from furcl.files import read_text
 from furcl.paths import kernel_folder
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<(\w+)>)\s*$')
@@ -40,7 +41,7 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
             return []
         seen.add(path.resolve())
         try:
-            text = path.read_text(encoding="utf-8")
+            text = read_text(path)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise KernelBuildError(

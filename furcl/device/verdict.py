@@ -8,18 +8,17 @@ remembered: what caused it may be over.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import shutil
 import signal
 import subprocess
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
+from furcl import cache
 from furcl.device.features import Features
 from furcl.device.source import kernel_text
-from furcl.files import write_cache
-from furcl.paths import cache_folder, python_command
+from furcl.paths import cache_folder, module_environment, python_command
 
 TIMEOUT_S = 180.0
 EXIT_FAILED = 10  # a self-test that ran and failed ends with this code
@@ -88,16 +87,11 @@ def _text_hash() -> str:
 
 def _run(address: str) -> Verdict:
     command = python_command("-m", "furcl.device.selftest", address)
-    folders = [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(filter(None, folders)),
-        "POCL_KERNEL_CACHE": "0",  # what PoCL built before says nothing about building now
-    }
     try:
         done = subprocess.run(
             command,
-            env=environment,
+            # What PoCL built before says nothing about building now.
+            env=module_environment(POCL_KERNEL_CACHE="0"),
             capture_output=True,
             text=True,
             encoding="utf-8",
@@ -134,17 +128,12 @@ def of(address: str, identity: str, *, fresh: bool = False) -> Verdict:
     what the runtime needs of the environment changes.
     """
     told = f"{identity}\n{_text_hash()}\n{_surroundings()}"
-    key = hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()[:24]
-    path = cache_folder() / "selftest" / f"{key}.json"
-    if not fresh:
-        try:
-            remembered = Verdict(**json.loads(path.read_text(encoding="utf-8")))
-            if remembered.passed is True:
-                return remembered
-        except (OSError, ValueError, TypeError, RecursionError):
-            pass  # none yet, or unreadable: test again
+    # Names of folders may be no UTF-8.
+    key = hashlib.sha256(told.encode("utf-8", "surrogateescape")).hexdigest()
+    path = cache_folder() / "selftest" / f"{key[:24]}.passed"
+    if not fresh and cache.load(path) == key.encode():
+        return Verdict(True)
     verdict = _run(address)
     if verdict.passed:
-        text = json.dumps(asdict(verdict))
-        write_cache(path, lambda file: file.write_text(text, encoding="utf-8"))
+        cache.store(path, key.encode())
     return verdict

@@ -30,12 +30,17 @@ from furcl.fibre.samplers import Sampler
 NEGLIGIBLE_SHARE = 1e-6
 
 
+# Name of the material of a scene that has [fibre].
+SHORT_FORM = "fibre"
+
+
 @dataclass(frozen=True, eq=False)
 class FibreMaterial:
     """Device data of one fibre and its sampler.
 
     Attributes
     ----------
+    name : str                          as scenes call it
     fibre : object                      parameters, of the model's own class
     model : FibreModel
     features : Features                 of its kernels: the scene's, with fibre and sampler
@@ -47,6 +52,7 @@ class FibreMaterial:
     buffer : cl.Buffer                  params, data, tables: kernels/include/fibre/material.clh
     """
 
+    name: str
     fibre: Any
     model: FibreModel
     features: Features
@@ -83,6 +89,7 @@ def build_material(
     fibre_features: FibreFeatures | None = None,
     drop_lobes: bool = False,
     profiles: Any = None,
+    name: str = SHORT_FORM,
 ) -> FibreMaterial:
     """Prepare a fibre's data, tabulate its attenuation, upload both.
 
@@ -124,6 +131,7 @@ def build_material(
         marginals = _marginals(Memory(memory.device), own, _packed(*parts))
         parts.append(marginals)
     return FibreMaterial(
+        name,
         fibre,
         model,
         own,
@@ -131,7 +139,12 @@ def build_material(
         profiles,
         tables,
         marginals,
-        index_checks.upload(memory, "material", _packed(*parts), features.debug),
+        index_checks.upload(
+            memory,
+            "material" if name == SHORT_FORM else f"material: {name}",
+            _packed(*parts),
+            features.debug,
+        ),
     )
 
 

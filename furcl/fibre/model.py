@@ -18,6 +18,7 @@ import numpy as np
 
 from furcl.device.layout import Fields
 from furcl.errors import FibreError
+from furcl.paths import kernel_folder
 from furcl.registry import Registry
 from furcl.table import Table
 
@@ -192,6 +193,21 @@ class FibreModel(ABC):
         return np.zeros(features.data_words, np.float32)
 
 
+# What a header defines (kernels/include/fibre/material.clh), the last one for lobes that say so.
+FUNCTIONS = (
+    "incidence_at",
+    "bcsdf_at_offset",
+    "bcsdf_of_lobe",
+    "lobe_attenuation",
+    "attenuation_edge",
+    "lobe_terms",
+    "lobe_value_over_pdf",
+    "lobe_sample_direction",
+    "lobe_inclination_density",
+    "lobe_azimuth_density",
+)
+H_GIVEN_PHI_FUNCTION = "lobe_azimuthal_estimate"
+
 # furcl's own by their modules, which import this one.
 _models: Registry[FibreModel | str] = Registry(
     "fibre model", FibreError, {"double-cylinder": "furcl.fibre.double_cylinder.model"}
@@ -234,8 +250,15 @@ def register(model: FibreModel) -> FibreModel:
 
     Raises
     ------
-    FibreError      an empty name, or one of furcl's own
+    FibreError      an empty name, one of furcl's own, or a header that cannot be read or lacks one
+                    of the functions
     """
+    _models.check_name(model.name)
+    functions = FUNCTIONS
+    if any(lobe.h_given_phi for lobe in model.lobes):
+        functions += (H_GIVEN_PHI_FUNCTION,)
+    header = kernel_folder() / "include" / model.header
+    _models.check_header(model.name, header, functions, "kernels/include/fibre/material.clh")
     _models.add(model.name, model)
     return model
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from furcl.errors import SamplerError
+from furcl.files import read_text
 from furcl.paths import kernel_folder
 from furcl.registry import Registry
 
@@ -66,8 +67,8 @@ class Sampler:
         """
         path = kernel_folder() / "include" / self.header
         try:
-            return path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            return read_text(path)
+        except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8"
             raise SamplerError(
                 f"sampler {self.name!r}: {path} cannot be read: {reason}; register the sampler "

@@ -1,13 +1,15 @@
 """Curves: the strands of a groom as flat arrays, checked once and never changed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import GroomError
+from furcl.groom.attributes import Attributes, checked_values, kept_values
 from furcl.groom.close_points import squared_lengths, without_short_segments
 from furcl.groom.copies import copied_strands
 
@@ -37,20 +39,28 @@ class Curves:
     radii : (N,) float32         radii, never widths [scene unit], > 0
     offsets : (S + 1,) int64     strand s owns points[offsets[s]:offsets[s + 1]], at least two
     dropped : mapping            what cleaning removed: name -> count, only counts > 0
-    colours : (N, 3) float32     a linear RGB colour per point, or None
+    attributes : mapping         name -> float32: (N,) or (N, 3) values of points, or (S,) or (S, 3)
+                                 values of strands
+    ignored : tuple of str       names of arrays of its file that are no attributes
     """
 
     points: NDArray[np.float32]
     radii: NDArray[np.float32]
     offsets: NDArray[np.int64]
     dropped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
-    colours: NDArray[np.float32] | None = None
+    attributes: Attributes = field(default_factory=lambda: MappingProxyType({}))
+    ignored: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle and copy, which take neither a proxy of a mapping nor the flags of arrays."""
+        arrays = (self.points, self.radii, self.offsets, dict(self.attributes))
+        return _frozen, (*arrays, dict(self.dropped), self.ignored)
 
     def __repr__(self) -> str:
-        coloured = ", with colours" if self.colours is not None else ""
+        named = f", with {', '.join(self.attributes)}" if self.attributes else ""
         return (
             f"Curves({self.n_strands} strands, {self.n_points} points, radii "
-            f"{self.radii.min():.4g} to {self.radii.max():.4g}{coloured})"
+            f"{self.radii.min():.4g} to {self.radii.max():.4g}{named})"
         )
 
     @property
@@ -71,8 +81,13 @@ class Curves:
     @property
     def n_bytes(self) -> int:
         """Size of the arrays in bytes."""
-        arrays = (self.points, self.radii, self.offsets, self.colours)
-        return sum(a.nbytes for a in arrays if a is not None)
+        arrays = (self.points, self.radii, self.offsets, *self.attributes.values())
+        return sum(a.nbytes for a in arrays)
+
+    @property
+    def colours(self) -> NDArray[np.float32] | None:
+        """The attribute of that name, linear RGB: (N, 3) of points, or (S, 3) of strands."""
+        return self.attributes.get("colours")
 
     @property
     def one_radius(self) -> bool:
@@ -107,27 +122,53 @@ class Curves:
         ------
         GroomError                   where nothing is left
         """
-        points, radii, offsets, colours = self.points, self.radii, self.offsets, self.colours
-        dropped = dict(self.dropped)
-        thinned = without_short_segments(points, radii, offsets)
+        traced = self
+        thinned = without_short_segments(self.points, self.radii, self.offsets)
         if thinned is not None:
-            points, radii, offsets = thinned.points, radii[thinned.kept], thinned.offsets
-            colours = None if colours is None else colours[thinned.kept]
+            if not len(thinned.points):
+                raise GroomError("curves: the groom is empty: all strands are single points.")
+            dropped = dict(self.dropped)
             for name, count in thinned.dropped.items():
                 dropped[name] = dropped.get(name, 0) + count
-            if not len(points):
-                raise GroomError("curves: the groom is empty: all strands are single points.")
-        copies = copied_strands(points, radii, offsets)
-        if len(copies):
-            counts, n = np.diff(offsets), len(offsets) - 1
-            kept = ~np.repeat(np.isin(np.arange(n), copies), counts)
-            points, radii = points[kept], radii[kept]
-            colours = None if colours is None else colours[kept]
-            offsets = np.concatenate([[0], np.cumsum(np.delete(counts, copies))]).astype(np.int64)
-            dropped["copied_strands"] = dropped.get("copied_strands", 0) + len(copies)
-        if thinned is None and not len(copies):
-            return self
-        return _frozen(points, radii, offsets, colours, dropped)
+            traced = _frozen(
+                thinned.points,
+                self.radii[thinned.kept],
+                thinned.offsets,
+                kept_values(self.attributes, self.offsets, thinned.kept),
+                dropped,
+                self.ignored,
+            )
+        copies = copied_strands(traced.points, traced.radii, traced.offsets)
+        if not len(copies):
+            return traced
+        kept = np.ones(traced.n_strands, bool)
+        kept[copies] = False
+        return traced.with_strands(kept, "copied_strands")
+
+    def with_strands(self, kept: NDArray[np.bool_], reason: str) -> "Curves":
+        """The groom of those strands alone, at least one, of `kept` (S,); how many are left out is
+        in `dropped` under the name `reason`."""
+        counts = np.diff(self.offsets)
+        points = np.flatnonzero(np.repeat(kept, counts))
+        n_gone = int(np.count_nonzero(~kept))
+        return _frozen(
+            self.points[points],
+            self.radii[points],
+            np.concatenate([[0], np.cumsum(counts[kept])]).astype(np.int64),
+            kept_values(self.attributes, self.offsets, points),
+            {**self.dropped, reason: self.dropped.get(reason, 0) + n_gone},
+            self.ignored,
+        )
+
+    @staticmethod
+    def from_checked(
+        points: NDArray[np.float32],
+        radii: NDArray[np.float32],
+        offsets: NDArray[np.int64],
+        dropped: Mapping[str, int],
+    ) -> "Curves":
+        """A groom of arrays that are as `from_arrays` leaves them; they become read-only."""
+        return _frozen(points, radii, offsets, {}, dropped)
 
     @staticmethod
     def from_arrays(
@@ -138,12 +179,15 @@ class Curves:
         source: str = "curves",
         colours: ArrayLike | None = None,
         dropped: Mapping[str, int] | None = None,
+        attributes: Mapping[str, ArrayLike] | None = None,
+        ignored: Sequence[str] = (),
     ) -> "Curves":
         """Check arrays, drop what is harmless and make a groom of the rest.
 
         A point that repeats the point before it and its radius (a segment shorter than 1e-18) is
         dropped, and so is a strand whose points are all one; both are counted in `dropped`. Radii
         below 1e-18, such as 0 at a tip, become 1e-18, which no ray meets, and are counted too.
+        The groom has its own copy: what is written to the arrays later does not reach it.
 
         Parameters
         ----------
@@ -152,46 +196,100 @@ class Curves:
         offsets : (S + 1,) integers  0 = offsets[0] <= ... <= offsets[S] = N; left out for strands
                                      of K points
         source : str                 the name used in messages, a path for files
-        colours : (N, 3)             finite, or None; for strands of K points (S, K, 3)
+        colours : (N, 3) or (S, 3)   the attribute of that name, or None
         dropped : mapping            counts of things that the caller has already left out
+        attributes : mapping         name -> finite values of points, (N,) or (N, 3), or of strands,
+                                     (S,) or (S, 3); for strands of K points those of points are
+                                     (S, K) or (S, K, 3)
+        ignored : sequence of str    names of arrays that the caller has left out
 
         Raises
         ------
         GroomError                   names the source, the strand and the point
         """
-        points, radii, offsets, colours = _shaped(points, radii, offsets, colours, source)
-        _check_offsets(offsets, len(points), source)
-        _check_points(points, offsets, source)
-        radii, n_thin = _checked_radii(radii, offsets, source)
-        if colours is not None and not np.isfinite(colours).all():
-            where = _place(source, offsets, int(np.argmin(np.isfinite(colours).all(axis=1))))
-            raise GroomError(f"{where}: the colour is not finite; repair or leave out the colours.")
-        points, radii, offsets, colours, cleaned = _clean(points, radii, offsets, colours, source)
-        found = {**(dropped or {}), **cleaned}
-        found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
-        return _frozen(points, radii, offsets, colours, found)
+        points, radii = _array(points, "points", source), _array(radii, "radii", source)
+        given = dict(attributes or {})
+        if colours is not None:
+            given["colours"] = colours
+        curves = adopted(
+            points,
+            radii,
+            offsets,
+            source=source,
+            dropped=dropped,
+            attributes=given,
+            ignored=ignored,
+        )
+        outside = [points, radii, *(np.asarray(array) for array in given.values())]
+        outside += [] if offsets is None else [np.asarray(offsets)]
+
+        def own(array):
+            # One array may stand for several, so each is compared with all.
+            shared = any(np.may_share_memory(array, other) for other in outside)
+            return array.copy() if shared else array
+
+        return _frozen(
+            own(curves.points),
+            own(curves.radii),
+            own(curves.offsets),
+            {name: own(array) for name, array in curves.attributes.items()},
+            curves.dropped,
+            curves.ignored,
+        )
 
 
-def _frozen(points, radii, offsets, colours, dropped) -> Curves:
-    for array in (points, radii, offsets, colours):
-        if array is not None:
-            array.flags.writeable = False
+def adopted(
+    points: ArrayLike,
+    radii: ArrayLike,
+    offsets: ArrayLike | None = None,
+    colours: ArrayLike | None = None,
+    *,
+    source: str = "curves",
+    dropped: Mapping[str, int] | None = None,
+    attributes: Mapping[str, ArrayLike] | None = None,
+    ignored: Sequence[str] = (),
+) -> Curves:
+    """As `Curves.from_arrays`, of arrays that nobody else keeps: what fits is not copied.
+
+    Raises
+    ------
+    GroomError      as `Curves.from_arrays`
+    """
+    given = dict(attributes or {})
+    if colours is not None:
+        given["colours"] = colours
+    grid = np.shape(points)[:2] if offsets is None else None
+    points, radii, offsets = _shaped(points, radii, offsets, source)
+    _check_offsets(offsets, len(points), source)
+    _check_points(points, offsets, source)
+    radii, n_thin = _checked_radii(radii, offsets, source)
+    values = checked_values(given, offsets, grid, source)
+    points, radii, offsets, values, cleaned = _clean(points, radii, offsets, values, source)
+    found = {**(dropped or {}), **cleaned}
+    found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
+    return _frozen(points, radii, offsets, values, found, tuple(ignored))
+
+
+def _frozen(points, radii, offsets, attributes, dropped, ignored=()) -> Curves:
+    for array in (points, radii, offsets, *attributes.values()):
+        array.flags.writeable = False
     counts = {name: count for name, count in dropped.items() if count > 0}
-    return Curves(points, radii, offsets, MappingProxyType(counts), colours)
+    values = MappingProxyType(dict(attributes))
+    return Curves(points, radii, offsets, MappingProxyType(counts), values, ignored)
 
 
-def _shaped(points, radii, offsets, colours, source):
+def _shaped(points, radii, offsets, source):
     """Views of the inputs with the documented shapes and types."""
     points = _numbers(points, "points", source)
     radii = _numbers(radii, "radii", source)
     if offsets is None and points.ndim == 3 and points.shape[2] == 3:
-        points, radii, offsets, colours = _flattened(points, radii, colours, source)
+        points, radii, offsets = _flattened(points, radii, source)
     if offsets is None:
         raise GroomError(
             f"{source}: there are no offsets, and points of shape {points.shape} do not say where "
             "strands begin. Give offsets, or points (S, K, 3) of S strands of K points."
         )
-    offsets = np.asarray(offsets)
+    offsets = _array(offsets, "offsets", source)
     if points.ndim != 2 or points.shape[1] != 3:
         raise GroomError(
             f"{source}: points has shape {points.shape}; expected (N, 3), one row x y z per point, "
@@ -211,36 +309,33 @@ def _shaped(points, radii, offsets, colours, source):
             f"{source}: offsets has shape {offsets.shape} and type {offsets.dtype}; expected a "
             "flat array of integers, one per strand and a last one."
         )
-    if colours is not None:
-        colours = _numbers(colours, "colours", source)
-        if colours.shape != (n, 3):
-            raise GroomError(
-                f"{source}: colours has shape {colours.shape}; expected ({n}, 3), RGB per point."
-            )
-        colours = _float32(colours)
     radii = _float32(np.broadcast_to(radii, (n,)))
     if offsets.dtype == np.uint64 and offsets.size and offsets.max() > MAX_POINTS:
         raise GroomError(f"{source}: an offset of {offsets.max()} points beyond the {n} points.")
     offsets = np.ascontiguousarray(offsets, dtype=np.int64).view()
-    return _float32(points), radii, offsets, colours
+    return _float32(points), radii, offsets
 
 
-def _flattened(points, radii, colours, source):
+def _flattened(points, radii, source):
     """Strands of equally many points as flat arrays with offsets."""
     shape = points.shape[:2]
-    colours = None if colours is None else np.asarray(colours)
-    for name, array, wanted in (("radii", radii, shape), ("colours", colours, (*shape, 3))):
-        if array is not None and array.ndim and array.shape != wanted:
-            raise GroomError(
-                f"{source}: {name} has shape {array.shape}; expected {wanted}, as the points have."
-            )
+    if radii.ndim and radii.shape != shape:
+        raise GroomError(
+            f"{source}: radii has shape {radii.shape}; expected {shape}, as the points have."
+        )
     offsets = np.arange(shape[0] + 1, dtype=np.int64) * shape[1]
-    colours = None if colours is None else colours.reshape(-1, 3)
-    return points.reshape(-1, 3), radii.ravel() if radii.ndim else radii, offsets, colours
+    return points.reshape(-1, 3), radii.ravel() if radii.ndim else radii, offsets
+
+
+def _array(values, name, source):
+    try:
+        return np.asarray(values)
+    except (TypeError, ValueError) as error:
+        raise GroomError(f"{source}: {name} is no array: {error}. Give numbers.") from None
 
 
 def _numbers(values, name, source):
-    array = np.asarray(values)
+    array = _array(values, name, source)
     if array.dtype.kind not in "fiu":
         raise GroomError(f"{source}: {name} has type {array.dtype}; expected real numbers.")
     return array
@@ -315,13 +410,13 @@ def _checked_radii(radii, offsets, source):
     return np.where(thin, np.float32(MIN_MAGNITUDE), radii), int(np.count_nonzero(thin))
 
 
-def _clean(points, radii, offsets, colours, source):
+def _clean(points, radii, offsets, values, source):
     """Drop repeated points, then strands of which only one point is left."""
     repeated = np.zeros(len(points), dtype=bool)
     np.less(squared_lengths(points), MIN_MAGNITUDE**2, out=repeated[1:])
     repeated[offsets[:-1]] = False
     if not repeated.any():
-        return points, radii, offsets, colours, {}
+        return points, radii, offsets, values, {}
     counts = np.diff(offsets)
     collapsed = np.add.reduceat(repeated, offsets[:-1], dtype=np.int64) == counts - 1
     # Where the radius makes a step, both points stay.
@@ -334,10 +429,10 @@ def _clean(points, radii, offsets, colours, source):
             f"{source}: the groom is empty: all points of each of its {len(counts)} strands are "
             "the same point; check the scale and the precision of the export."
         )
+    values = kept_values(values, offsets, np.flatnonzero(keep))
     offsets = np.concatenate([[0], np.cumsum(counts[~collapsed])]).astype(np.int64)
-    colours = None if colours is None else colours[keep]
     dropped = {
         "zero_length_segments": int(np.count_nonzero(repeated)),
         "collapsed_strands": int(np.count_nonzero(collapsed)),
     }
-    return points[keep], radii[keep], offsets, colours, dropped
+    return points[keep], radii[keep], offsets, values, dropped

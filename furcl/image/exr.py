@@ -11,11 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import ImageError
-from furcl.files import named
+from furcl.files import named, open_regular
 from furcl.image.colour import REC709, to_rec709
-from furcl.image.exr_chunks import missing_part
+from furcl.image.exr_chunks import missing_part, surely_whole
+from furcl.image.exr_decode import decode, decode_apart
 from furcl.image.exr_header import MAGIC, Part, check_claims
 from furcl.values import shown
+
+# Larger files are decoded by a process of their own, which starts sooner than they are looked
+# through.
+LOOKED_THROUGH_BYTES = 8 << 20
+
+# What float64 copies are made of.
+ROWS_AT_ONCE = 64
 
 # Channels of pictures whose Y is not grey: luminance with chroma, and XYZ.
 _WITH_Y = ({"RY", "BY"}, {"X", "Z"})
@@ -26,62 +34,63 @@ def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str
 
     Channels cover the display window; outside the data window they are 0. What a header claims is
     compared with the file and the memory before anything is decoded, which takes at most four times
-    the decoded size. Where compressed pixels are damaged, the OpenEXR library writes a line to
-    standard error. It is left there: keeping it away would redirect the standard error of all
-    threads.
+    the decoded size, and writes nothing to standard output or error (furcl.image.exr_decode).
 
     Returns
     -------
     channels : dict     name -> (H, W) float32
-    header : dict       attributes as the OpenEXR package gives them
+    header : dict       texts, numbers, chromaticities and envmap
 
     Raises
     ------
     ImageError          if the file is missing, no OpenEXR file or damaged, claims more than it can
                         hold or fits the memory, or has deep or subsampled channels
     """
-    import OpenEXR
-
     path = named(path, ImageError)
-    if not path.is_file():
-        raise ImageError(f"{path}: there is no such file; check the path")
-    part, missing = _checked(path)
-    if missing:
-        raise ImageError(f"{path}: damaged OpenEXR file: {missing}; copy or render it again")
+    part, whole = _checked(path)
+    names = [channel.name for channel in part.channels]
+    if not names:
+        raise ImageError(f"{path}: has no channels; save a flat RGB image")
+    shape = (part.data_window.height, part.data_window.width)
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            header = dict(file.header())
-            channels = {
-                name: np.asarray(channel.pixels, np.float32)
-                for name, channel in file.channels().items()
-            }
-    except Exception as error:
+        if whole:
+            planes = np.empty((len(names), *shape), np.float32)
+            decode(path, names, planes)
+        else:
+            planes = decode_apart(path, names, shape)
+    except ValueError as error:
         raise ImageError(f"{path}: damaged or unsupported OpenEXR file: {error}") from None
-    if not channels or len({pixels.shape for pixels in channels.values()}) != 1:
-        raise ImageError(f"{path}: has no channels of one common size; save a flat RGB image")
-    return {name: _placed(pixels, part, path) for name, pixels in channels.items()}, header
+    channels = {name: _placed(plane, part) for name, plane in zip(names, planes, strict=True)}
+    return channels, part.values()
 
 
-def _checked(path: Path) -> tuple[Part, str | None]:
-    """The first part's header, checked, and what the file lacks."""
+def _checked(path: Path) -> tuple[Part, bool]:
+    """The first part's header, checked, and whether the file is small and known to be whole."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise ImageError(
                     f"{path}: does not start as an OpenEXR file does; give an .exr file"
                 )
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 part = check_claims(path, data)
-                return part, missing_part(data, part)
+                missing = missing_part(data, part)
+                if missing:
+                    raise ImageError(
+                        f"{path}: damaged OpenEXR file: {missing}; copy or render it again"
+                    )
+                window = part.data_window
+                n_bytes = window.width * window.height * part.pixel_bytes()
+                return part, n_bytes <= LOOKED_THROUGH_BYTES and surely_whole(data, part)
+    except FileNotFoundError:
+        raise ImageError(f"{path}: there is no such file; check the path") from None
     except OSError as error:
         raise ImageError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
 
 
-def _placed(pixels: NDArray[np.float32], part: Part, path: Path) -> NDArray[np.float32]:
+def _placed(pixels: NDArray[np.float32], part: Part) -> NDArray[np.float32]:
     """Pixels of the data window as pixels of the display window."""
     data, display = part.data_window, part.display_window
-    if pixels.shape != (data.height, data.width):
-        raise ImageError(f"{path}: its channels are subsampled; save a flat RGB image")
     if data == display:
         return pixels
     out = np.zeros((display.height, display.width), np.float32)
@@ -111,7 +120,10 @@ def rgb_of(
         if matrix is None:
             return rgb
         with np.errstate(invalid="ignore", over="ignore"):  # pixels that are not finite
-            return np.asarray(rgb @ matrix.T, np.float32)
+            for row in range(0, len(rgb), ROWS_AT_ONCE):
+                part = slice(row, row + ROWS_AT_ONCE)
+                rgb[part] = rgb[part] @ matrix.T
+        return rgb
     if "Y" in channels and not any(names <= set(channels) for names in _WITH_Y):
         return np.repeat(channels["Y"][:, :, None], 3, axis=2)
     raise ImageError(

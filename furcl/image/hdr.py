@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import ImageError
-from furcl.files import named
+from furcl.files import named, open_regular
 from furcl.image.colour import to_rec709
 from furcl.image.size import check_size
 from furcl.memory import require_memory
@@ -23,7 +23,7 @@ _HEADER_END = re.compile(rb"\n\r?\n")
 def is_hdr(path: str | Path) -> bool:
     """Whether a file begins as Radiance pictures do."""
     try:
-        with Path(path).open("rb") as file:
+        with open_regular(path) as file:
             return file.read(len(MAGIC)) == MAGIC
     except (OSError, ValueError):
         return False
@@ -45,11 +45,12 @@ def read_hdr(path: str | Path) -> NDArray[np.float32]:
     formats document.
     """
     path = named(path, ImageError)
-    if not path.is_file():
-        raise ImageError(f"{path}: there is no such file; check the path")
     try:
-        require_memory(path, n_bytes=2 * path.stat().st_size, error=ImageError)
-        data = path.read_bytes()
+        with open_regular(path) as file:
+            require_memory(path, n_bytes=2 * path.stat().st_size, error=ImageError)
+            data = file.read()
+    except FileNotFoundError:
+        raise ImageError(f"{path}: there is no such file; check the path") from None
     except OSError as error:
         raise ImageError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
     if not data.startswith(MAGIC):

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,7 @@ from furcl.errors import ImageError
 from furcl.image.colour import luminance
 from furcl.image.exr import read_exr, rgb_of
 from furcl.image.hdr import is_hdr, read_hdr
+from furcl.light.compensation import compensated_power
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +33,9 @@ FLOOR_STEP = 2.0**-22
 
 # Sums of squares of a million samples of it are float32 numbers.
 LARGEST_RADIANCE = 1e15
+
+# What copies, and float64 values, are made of.
+ROWS_AT_ONCE = 64
 
 # Width over height of what is taken for latitude and longitude without a word.
 ASPECTS = (1.5, 3.0)
@@ -48,9 +54,10 @@ class LatLong:
     n_negative : int                pixels with a negative channel, which was set to zero
 
     Cells are the pixels. A cell's chance goes with the luminance of the bilinear interpolant
-    averaged over it, so it is positive wherever the interpolant is; inside, directions are uniform
-    in solid angle. The density is taken from the differences of the float32 tables, so it is
-    exactly what sampling gives, and no formula divides by sin(theta) at the poles.
+    averaged over it, less a part of the mean (`furcl.light.compensation`), and is positive wherever
+    the interpolant is; inside, directions are uniform in solid angle. The density is taken from the
+    differences of the float32 tables, so it is exactly what sampling gives, and no formula divides
+    by sin(theta) at the poles.
     """
 
     texels: NDArray[np.float32]
@@ -107,30 +114,41 @@ class LatLong:
         ------
         ImageError      NaN or infinite pixels, or an image without any light
         """
-        bad = ~np.isfinite(rgb)
-        if bad.any():
-            row, column, channel = (int(i) for i in np.argwhere(bad)[0])
-            raise ImageError(
-                f"{source}: {'RGB'[channel]} of the pixel in column {column}, row {row} is "
-                f"{rgb[row, column, channel]} ({int(bad.any(axis=2).sum())} such pixels); "
-                f"repair the image"
-            )
-        n_negative = int((rgb < 0.0).any(axis=2).sum())
-        with np.errstate(over="ignore"):
-            texels = np.maximum(rgb, 0.0).astype(np.float32) * np.float32(scale)
-        if not np.isfinite(texels).all():
-            raise ImageError(
-                f"{source}: times the scale {scale:g} overflows float32; use a smaller scale"
-            )
-        weights = _cell_weights(np.asarray(luminance(texels), np.float64))
-        if not weights.any():
+        height, width, _ = rgb.shape
+        texels = np.empty((height, width, 3), np.float32)
+        n_negative = 0
+        for part in _strips(height):
+            if not np.isfinite(rgb[part]).all():
+                _refuse_bad(rgb, source)
+            n_negative += int((rgb[part] < 0.0).any(axis=2).sum())
+            with np.errstate(over="ignore"):
+                np.maximum(rgb[part], 0.0, out=texels[part])
+                texels[part] *= np.float32(scale)
+            if not np.isfinite(texels[part]).all():
+                raise ImageError(
+                    f"{source}: times the scale {scale:g} overflows float32; use a smaller scale"
+                )
+
+        def weights_of(part: slice) -> NDArray[np.float64]:
+            # What the cells hold goes with the rows above and below.
+            first = max(part.start - 1, 0)
+            values = np.asarray(luminance(texels[first : part.stop + 1]), np.float64)
+            return _cell_weights(values)[part.start - first :][: part.stop - part.start]
+
+        bands = -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1)))[:, None]
+        angles = bands * (2.0 * math.pi / width)
+        total = sum(float((weights_of(p) * angles[p]).sum()) for p in _strips(height))
+        if total == 0.0:
             raise ImageError(f"{source}: every pixel is black; a light image needs light")
-        height = len(weights)
-        rows = weights.mean(axis=1) * -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1)))
+        conditional, marginal = np.empty((height, width), np.float32), np.empty(height)
+        for part in _strips(height):
+            power = compensated_power(weights_of(part) * angles[part], angles[part], total)
+            marginal[part] = power.sum(axis=1)
+            conditional[part] = _cdf(power)
         return cls(
             texels=texels,
-            marginal=_cdf(rows[None])[0],
-            conditional=_cdf(weights),
+            marginal=_cdf(marginal[None])[0],
+            conditional=conditional,
             rotation=rotation_deg / 360.0,
             n_negative=n_negative,
         )
@@ -193,6 +211,28 @@ class LatLong:
         left, right = self._edges(self.conditional, row, column)
         band = np.cos(row * (math.pi / height)) - np.cos((row + 1) * (math.pi / height))
         return (high - low) * (right - left) / (band * (2.0 * math.pi / width))
+
+
+def _strips(height: int) -> Iterator[slice]:
+    """Parts of so many rows, of which copies are made."""
+    for row in range(0, height, ROWS_AT_ONCE):
+        yield slice(row, min(row + ROWS_AT_ONCE, height))
+
+
+def _refuse_bad(rgb: NDArray[np.float32], source: str) -> NoReturn:
+    n_bad, first = 0, None
+    for part in _strips(len(rgb)):
+        bad = ~np.isfinite(rgb[part])
+        n_bad += int(bad.any(axis=2).sum())
+        if first is None and bad.any():
+            row, column, channel = (int(i) for i in np.argwhere(bad)[0])
+            first = (part.start + row, column, channel)
+    assert first is not None
+    row, column, channel = first
+    raise ImageError(
+        f"{source}: {'RGB'[channel]} of the pixel in column {column}, row {row} is "
+        f"{rgb[first]} ({n_bad} such pixels); repair the image"
+    )
 
 
 def _read_exr(path: str | Path) -> NDArray[np.float32]:

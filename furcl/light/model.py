@@ -13,10 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from furcl.device.layout import Fields
 from furcl.errors import LightError
+from furcl.image.colour import luminance
 from furcl.light.sample import LightSamples
 from furcl.table import Table
 
 Array = NDArray[np.float64]
+
+FLUENCE_SAMPLES = 4096
+GOLDEN_RATIO = 0.6180339887498949
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,21 @@ class Light(ABC):
     @abstractmethod
     def sample(self, points: Array, u: Array) -> LightSamples:
         """Directions to the light, one for each row of uniform numbers (n, 2) in [0, 1)."""
+
+    def fluence(self, place: Array) -> float:
+        """Luminance of radiance over all directions as it arrives at a place (3,) [sr times the
+        unit of radiance], about: the mean of FLUENCE_SAMPLES evenly spread light samples.
+
+        Where there are lamps too, it says how often light samples take this light.
+        """
+        i = np.arange(FLUENCE_SAMPLES)
+        u = np.stack(
+            [(i + 0.5) / FLUENCE_SAMPLES, i * GOLDEN_RATIO % 1.0], axis=1, dtype=np.float64
+        )
+        samples = self.sample(np.broadcast_to(place, (len(u), 3)), u)
+        bright = np.asarray(luminance(samples.radiance), np.float64)
+        seen = samples.pdf > 0.0
+        return float(np.mean(np.where(seen, bright / np.where(seen, samples.pdf, 1.0), 0.0)))
 
     @abstractmethod
     def device_buffer(self, light_sampling: bool) -> NDArray[np.float32]:

@@ -1,8 +1,9 @@
 """A path tracer in float64 numpy for a few pixels of small scenes: what the device must agree with.
 
 It shares the scene's description and the medulla's profiles with the device and nothing else:
-every ray is tried on every segment, the offset h is uniform, lobes are chosen by their attenuation,
-the environment is met by chance, and paths end at the scene's depth only.
+every ray is tried on every segment and lamp, the offset h is uniform, lobes are chosen by their
+attenuation, light is met by chance, but of lamps without extent every hit is given all, and paths
+end at the scene's depth only.
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ _CHUNK = 2_000_000
 
 
 class HostRenderer:
-    """Paths through pixels of a scene with a box filter, a pinhole and no body, in a light that
-    rays find by chance.
+    """Paths through pixels of a scene with a box filter, a pinhole and no body, in lamps and an
+    environment that rays find by chance.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ class HostRenderer:
         self.profiles = profiles
         self.curves = scene.build_curves().traced()
         self.fibre: Fibre = scene.build_fibre()
-        self.light = scene.build_light()
+        self.lights = scene.build_lights()
         self._segments = Segments(self.curves)
         self._lobes = [*reference.LOBES, *([reference.RESIDUAL] if scene.render.residual else [])]
 
@@ -59,14 +60,17 @@ class HostRenderer:
         alive = np.arange(paths)
         left = np.full(paths, -1)
         for depth in range(self.scene.render.max_depth + 1):
-            _, segment, u = self._segments.closest(origin, direction, left)
-            out = segment < 0
+            distance, segment, u = self._segments.closest(origin, direction, left)
+            t, lamp = self._lamp_before(origin, direction, distance)
+            out = (segment < 0) | (lamp >= 0)
             if out.any():
-                light = self.light.radiance(direction[out])
+                light = self._light_of(origin[out], direction[out], t[out], lamp[out])
                 radiance[alive[out]] += throughput[out] * light
             hit = np.flatnonzero(~out)
             if not len(hit) or depth == self.scene.render.max_depth:
                 break
+            given = self._light_given(segment[hit], u[hit], -direction[hit], rng)
+            radiance[alive[hit]] += throughput[hit] * given
             alive, throughput = alive[hit], throughput[hit]
             left = segment[hit]
             origin, direction, weight = self._scatter(left, u[hit], -direction[hit], rng)
@@ -94,14 +98,8 @@ class HostRenderer:
         """Next origin, direction and weight of paths that met a fibre."""
         n = len(segment)
         segments = self._segments
-        tangent = segments.axis[segment]
-        tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
-        side = np.cross(tangent, wo)
-        size = np.linalg.norm(side, axis=1, keepdims=True)
-        side = np.divide(side, size, out=_perpendicular(tangent), where=size > 1e-12)
-        across = np.cross(side, tangent)
-        frame = np.stack([tangent, across, side], 1)  # rows: x, y, z of the fibre
-        local = np.einsum("nij,nj->ni", frame, wo)
+        frame, local = self._frames(segment, wo)
+        tangent = frame[:, 0]
         theta = np.arctan2(local[:, 0], np.hypot(local[:, 1], local[:, 2]))
         h = rng.uniform(-1.0, 1.0, n)
         energy = reference.attenuation(
@@ -122,6 +120,51 @@ class HostRenderer:
         direction = np.divide(direction, norm, out=tangent.copy(), where=norm > 0.0)
         origin = segments.start[segment] + u[:, None] * segments.axis[segment]
         return origin, direction, weight
+
+    def _frames(self, segment, wo: Array) -> tuple[Array, Array]:
+        """Rows x, y, z of the fibres' frames (n, 3, 3), and wo in them (n, 3)."""
+        tangent = self._segments.axis[segment]
+        tangent = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+        side = np.cross(tangent, wo)
+        size = np.linalg.norm(side, axis=1, keepdims=True)
+        side = np.divide(side, size, out=_perpendicular(tangent), where=size > 1e-12)
+        frame = np.stack([tangent, np.cross(side, tangent), side], 1)
+        return frame, np.einsum("nij,nj->ni", frame, wo)
+
+    def _lamp_before(self, origin: Array, direction: Array, distance: Array):
+        """Distance and number of the lamp that rays meet before a distance; inf and -1: none."""
+        if self.lights.lamps is None:
+            return np.full(len(origin), np.inf), np.full(len(origin), -1)
+        t, lamp = self.lights.lamps.closest(origin, direction)
+        return np.where(t < distance, t, np.inf), np.where(t < distance, lamp, -1)
+
+    def _light_of(self, origin: Array, direction: Array, t: Array, lamp) -> Array:
+        """Radiance (n, 3) of rays that end in light, in full: light samples take none of it."""
+        all_of_it, anywhere = np.zeros(len(origin)), np.zeros(3)
+        return self.lights.radiance_of_rays(origin, direction, all_of_it, (t, lamp), anywhere)
+
+    def _light_given(self, segment, u: Array, wo: Array, rng: np.random.Generator) -> Array:
+        """Radiance (n, 3) towards wo of lamps that rays cannot find, at a uniform h."""
+        n, lamps, out = len(segment), self.lights.lamps, np.zeros((len(segment), 3))
+        if lamps is None:
+            return out
+        origin = self._segments.start[segment] + u[:, None] * self._segments.axis[segment]
+        frame, local = self._frames(segment, wo)
+        for i in np.flatnonzero(~lamps.found_by_rays(np.arange(len(lamps.records)))):
+            way = lamps.sample(np.full(n, i), origin, np.zeros((n, 2)))
+            distance, blocker, _ = self._segments.closest(origin, way.directions, segment)
+            free = (blocker < 0) | (distance >= way.distances)
+            free &= self._lamp_before(origin, way.directions, way.distances)[1] < 0
+            value = reference.evaluate(
+                self.fibre,
+                local,
+                np.einsum("nij,nj->ni", frame, way.directions),
+                rng.uniform(-1.0, 1.0, n),
+                self.profiles,
+                residual=self.scene.render.residual,
+            )
+            out += value * way.radiance * (free & (way.pdf > 0.0))[:, None]
+        return out
 
     def _direction(self, p: int, name: str, wo: Array, theta: Array, h: Array, rng):
         """Directions (n, 3) of one lobe in the fibre's frame; value over density (n, 3)."""

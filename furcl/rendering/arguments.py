@@ -7,6 +7,7 @@ from typing import Any
 
 from furcl.errors import GroomError, SceneError
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.values import is_number, shown
 
 
@@ -17,7 +18,7 @@ def check_curves(curves: Any) -> None:
     ------
     GroomError
     """
-    if curves is not None and not isinstance(curves, Curves | Future):
+    if curves is not None and not isinstance(curves, Curves | Grooms | Future):
         raise GroomError(
             f"curves = {shown(curves)}: expected Curves; furcl.load_curves reads a file, and "
             f"Curves.from_arrays makes them of arrays."

@@ -16,12 +16,16 @@ import msgspec
 from furcl.errors import CheckpointError, FurclError
 from furcl.files import check_writable
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.rendering.state import Part, Saved, read_parts, write_state
 from furcl.scene.digest import digest, scene_digest
 from furcl.values import is_number, shown
 
 if TYPE_CHECKING:
     from furcl.rendering.renderer import Renderer
+
+#: A scene's groom or grooms, where they are there or on their way.
+Given = Curves | Grooms | Future[Curves] | Future[Grooms] | None
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +40,7 @@ class Checkpoints:
     Parameters
     ----------
     renderer : Renderer
-    curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    curves : Given          the scene's groom or grooms
     path : path             of the file, which appears whole or not at all
     minutes : float or None     kept so often; None: only where `keep` is called
 
@@ -45,7 +49,7 @@ class Checkpoints:
     def __init__(
         self,
         renderer: Renderer,
-        curves: Curves | Future[Curves] | None,
+        curves: Given,
         path: str | os.PathLike[str],
         minutes: float | None = None,
     ) -> None:
@@ -109,7 +113,7 @@ def check_checkpoints(path: Any, minutes: Any) -> None:
         raise CheckpointError(f"checkpoint_minutes = {minutes}: there is no file; give checkpoint")
 
 
-def go_on(renderer: Renderer, curves: Curves | Future[Curves] | None, saved: Saved) -> None:
+def go_on(renderer: Renderer, curves: Given, saved: Saved) -> None:
     """Give a renderer the state that a file holds.
 
     Raises
@@ -139,7 +143,7 @@ def go_on(renderer: Renderer, curves: Curves | Future[Curves] | None, saved: Sav
     log.info("going on from %s, with %d samples a pixel", path, renderer.samples_done)
 
 
-def identity(renderer: Renderer, curves: Curves | Future[Curves] | None) -> dict[str, Any]:
+def identity(renderer: Renderer, curves: Given) -> dict[str, Any]:
     """What the picture of a renderer follows from, as JSON values; samples a pixel only where
     the plan of all of them depends on their number."""
     scene, device = renderer.scene, renderer.device
@@ -188,7 +192,8 @@ def _state(renderer: Renderer) -> tuple[dict[str, Any], dict[str, Part]]:
         "film": film.sums,
         "samples": film.n_samples,
         "nonfinite": film.nonfinite,
-        "lobes": renderer.lobe_counts,
+        "material hits": renderer.material_hits,
+        **{f"lobes of material {i}": counts for i, counts in enumerate(renderer.lobe_counts)},
     }
     if renderer.plan:
         numbers["plan"] = renderer.plan.numbers()

@@ -13,11 +13,12 @@ from furcl.device.choice import Device, open_device
 from furcl.device.features import Features
 from furcl.device.launch import grid
 from furcl.device.memory import Memory
-from furcl.errors import FibreError
+from furcl.errors import FibreError, ResourceError
 from furcl.fibre import samplers
 from furcl.fibre.material import build_material
 from furcl.fibre.model import FibreFeatures, model_of
 from furcl.fibre.samplers import Sampler
+from furcl.memory import available_bytes
 from furcl.values import is_whole, shown
 
 # Kernels measure h by the share of the fibre's width; here its density is per unit of h, and the
@@ -25,6 +26,9 @@ from furcl.values import is_whole, shown
 _PER_UNIT_OF_H = 0.5
 
 _UNIT_TOLERANCE = 1e-3
+
+# Work-items of a launch are counted in 32 bits, and bytes of an array by some drivers.
+MOST = 1 << 27
 
 
 class Probe:
@@ -48,8 +52,10 @@ class Probe:
     Raises
     ------
     SamplerError    unknown sampling
-    FibreError      arrays whose shapes do not agree, directions that are not unit vectors, h
-                    outside [-1, 1], a lobe that there is not, a seed or numbers outside their range
+    FibreError      arrays whose shapes do not agree or that hold no real numbers, directions that
+                    are not unit vectors, h outside [-1, 1], a lobe that there is not, channels, a
+                    seed or numbers outside their range
+    ResourceError   more directions than fit into the memory
     DeviceError     no usable device
     """
 
@@ -67,7 +73,13 @@ class Probe:
         self.fibre = fibre
         self.device = device if isinstance(device, Device) else open_device(device)
         self.sampler = sampling if isinstance(sampling, Sampler) else samplers.find(sampling)
-        needed = 1 if features is None and model_of(fibre).is_grey(fibre) else 3
+        grey = model_of(fibre).is_grey(fibre)
+        if channels not in (None, 3, *([1] if grey else [])) or isinstance(channels, bool):
+            raise FibreError(
+                f"probe: channels = {shown(channels)} - allowed are 3, and 1 for a grey fibre - "
+                f"leave it out to have as many as the fibre needs"
+            )
+        needed = 1 if features is None and grey else 3
         self.memory = Memory(self.device)
         self.material = build_material(
             self.memory,
@@ -103,7 +115,9 @@ class Probe:
         -------
         (lobes, n, 3) float32       in the order of `lobes`, in [0, 1]
         """
+        theta_in = _numbers("theta_in", theta_in)
         h, theta_in = _agreeing(h=np.atleast_1d(_offsets(h)), theta_in=np.atleast_1d(theta_in))
+        self._require_memory(h.size, 4 * 3 * (1 + len(self.lobes)))
         angles = np.stack([np.sin(theta_in), np.cos(theta_in)], 1).astype(np.float32)
         if not np.all(np.abs(theta_in) <= 0.5 * np.pi + 1e-6):
             raise FibreError(
@@ -183,8 +197,7 @@ class Probe:
         weight : (n, 3) float32 what the path's throughput is multiplied with
         pdf : (n,) float32      density of (lobe, h, wi) [1/sr per unit of h]
         """
-        if not is_whole(seed) or not 0 <= seed < 1 << 32:
-            raise FibreError(f"probe: seed = {shown(seed)} - allowed are 0 to 4294967295")
+        _check_seed(seed)
         if n is not None and (not is_whole(n) or n < 0):
             raise FibreError(f"probe: n = {shown(n)} - allowed are whole numbers, 0 or more")
         wo = np.atleast_2d(_unit("wo", wo))
@@ -195,6 +208,7 @@ class Probe:
                 )
             wo = np.broadcast_to(wo, (n, 3))
         n = len(wo)
+        self._require_memory(n, 16 + 40 + (0 if numbers is None else 32))
         if numbers is not None:
             numbers = _uniform(numbers, n)
         memory = Memory(self.device)
@@ -245,8 +259,10 @@ class Probe:
                 "probe: estimate_far_field is not compiled in - make the Probe with "
                 "light_sampling=True"
             )
+        _check_seed(seed)
         wo, wi = np.atleast_2d(_unit("wo", wo)), np.atleast_2d(_unit("wi", wi))
         rows, _ = _agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)))
+        self._require_memory(rows.size, 2 * 16 + 16)
         n, memory = rows.size, Memory(self.device)
         value, pdf = memory.allocate("value", 12 * n), memory.allocate("pdf", 4 * n)
         self._run(
@@ -275,6 +291,7 @@ class Probe:
         wo, wi, h = np.atleast_2d(_unit("wo", wo)), np.atleast_2d(_unit("wi", wi)), _offsets(h)
         rows, _, h = _agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)), h=np.atleast_1d(h))
         n = rows.size
+        self._require_memory(n, 2 * 16 + 4 + 20 * len(self.lobes))
         wo, wi = np.broadcast_to(wo, (n, 3)), np.broadcast_to(wi, (n, 3))
         memory, lobes = Memory(self.device), len(self.lobes)
         value = memory.allocate("value", 12 * lobes * n)
@@ -302,6 +319,16 @@ class Probe:
         names = ", ".join(f"{i} {name}" for i, name in enumerate(self.lobes))
         raise FibreError(f"probe: lobe = {shown(lobe)} - allowed are {names}")
 
+    def _require_memory(self, n: int, bytes_each: int) -> None:
+        """Refuse n directions of so many bytes that they do not fit the memory."""
+        # The arrays, what is uploaded of them, and buffers, which may lie in the same memory.
+        needed, there = 3 * n * bytes_each, available_bytes()
+        if n > MOST or needed > there:
+            raise ResourceError(
+                f"probe: {n} directions need {needed / 2**20:.0f} MiB, {there / 2**20:.0f} MiB are "
+                f"available, and at most {MOST} are taken at once - ask for fewer"
+            )
+
     def _run(self, name: str, n: int, *arguments) -> None:
         kernel = cl.Kernel(self._program, name)
         kernel(self.device.queue, *grid(n), *arguments, self.material.buffer)
@@ -309,7 +336,7 @@ class Probe:
 
 def _unit(name: str, w: ArrayLike) -> np.ndarray:
     """Directions (..., 3) float64 of unit length."""
-    w = np.asarray(w, np.float64)
+    w = _numbers(name, w)
     if w.ndim not in (1, 2) or w.shape[-1] != 3:
         raise FibreError(
             f"probe: {name} has shape {w.shape} - allowed are (n, 3) and (3,) - x is the tangent"
@@ -322,9 +349,26 @@ def _unit(name: str, w: ArrayLike) -> np.ndarray:
     return w
 
 
+def _numbers(name: str, values: ArrayLike) -> np.ndarray:
+    """Values as float64."""
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind in "fiu":
+            return array.astype(np.float64, copy=False)
+        found = f"of type {array.dtype}"
+    except (TypeError, ValueError) as error:
+        found = f"no array: {error}"
+    raise FibreError(f"probe: {name} is {found} - allowed are real numbers")
+
+
+def _check_seed(seed: int) -> None:
+    if not is_whole(seed) or not 0 <= seed < 1 << 32:
+        raise FibreError(f"probe: seed = {shown(seed)} - allowed are 0 to 4294967295")
+
+
 def _uniform(numbers: ArrayLike, n: int) -> np.ndarray:
     """Numbers (n, 2, 4) float32 of [0, 1); those that round to 1 are the float32 below it."""
-    array = np.asarray(numbers)
+    array = _numbers("numbers", numbers)
     if array.shape != (n, 2, 4):
         raise FibreError(f"probe: numbers has shape {array.shape} - allowed is ({n}, 2, 4)")
     if not np.all((array >= 0.0) & (array < 1.0)):
@@ -336,7 +380,7 @@ def _uniform(numbers: ArrayLike, n: int) -> np.ndarray:
 
 
 def _offsets(h: ArrayLike) -> np.ndarray:
-    h = np.asarray(h, np.float64)
+    h = _numbers("h", h)
     if not np.all(np.abs(h) <= 1.0):
         raise FibreError(
             f"probe: h goes from {np.min(h)} to {np.max(h)} - allowed is -1 to 1 - give the offset "
@@ -348,13 +392,11 @@ def _offsets(h: ArrayLike) -> np.ndarray:
 def _agreeing(**arrays: np.ndarray) -> list[np.ndarray]:
     """Arrays (n,) or (1,) as arrays (n,)."""
     sizes = {name: np.shape(array) for name, array in arrays.items()}
-    try:
+    n = max((size[0] for size in sizes.values() if len(size) == 1 and size[0] != 1), default=1)
+    if all(size in ((n,), (1,)) for size in sizes.values()):
         return list(np.broadcast_arrays(*arrays.values()))
-    except ValueError:
-        raise FibreError(
-            f"probe: sizes {', '.join(f'{name} {size}' for name, size in sizes.items())} do not "
-            f"agree - allowed are one size n, or 1"
-        ) from None
+    told = ", ".join(f"{name} {size}" for name, size in sizes.items())
+    raise FibreError(f"probe: sizes {told} do not agree - allowed are one size n, or 1")
 
 
 def _float4(vectors: np.ndarray) -> np.ndarray:

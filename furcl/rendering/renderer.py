@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 import resource
@@ -16,6 +17,7 @@ from furcl.device import layout
 from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.rendering.arguments import check_curves, check_stops
@@ -55,13 +57,15 @@ class Renderer:
     wave_size : int or None         paths traced together; None: by furcl.rendering.wave_size
     specialised : bool              False compiles what the scene does not need as well, for
                                     comparison (`furcl bench features`)
-    curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
+                                    on their way
     target : Target or None         error at which `advance` stops before it has all samples
 
     Attributes
     ----------
-    setup : Setup                   what the scene has on the device; its features, material, film
+    setup : Setup                   what the scene has on the device; its features, materials, film
                                     and wavefront are attributes of the renderer too
+    material : FibreMaterial        the first of the materials
     seconds : dict[str, float]      those of the set-up, and render [s]
     samples_done : int              whole samples a pixel, on average
     rays, shadow_rays : int         rays of all kinds, and those to lights
@@ -79,7 +83,7 @@ class Renderer:
         device: str | Device | None = None,
         wave_size: int | None = None,
         specialised: bool = True,
-        curves: Curves | Future[Curves] | None = None,
+        curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
         target: Target | None = None,
     ) -> None:
         check_curves(curves)
@@ -95,7 +99,8 @@ class Renderer:
             with_target=target is not None,
         )
         self.features = self.setup.features
-        self.material = self.setup.material
+        self.materials = self.setup.materials
+        self.material = self.materials[0]
         self.film = self.setup.film
         self.wavefront = self.setup.wavefront
         self.wave_size = self.setup.wave_size
@@ -108,13 +113,23 @@ class Renderer:
             stops = [n // self.n_pixels for n in learning.ends] if learning else []
             self.plan = SamplePlan(self.memory, self.film, even, target, stops)
         self._wave = _wave_of(scene, self.wavefront)
-        self.lobe_counts = np.zeros(len(self.material.lobes), np.int64)
+        self.lobe_counts = [np.zeros(len(m.lobes), np.int64) for m in self.materials]
+        self.material_hits = np.zeros(len(self.materials), np.int64)
         self._forget_counts()
 
     @property
     def n_pixels(self) -> int:
         """Pixels of the film."""
         return self.film.width * self.film.height
+
+    @property
+    def lobes(self) -> dict[str, int]:
+        """Name of each lobe -> how often it was chosen, in all materials."""
+        chosen: dict[str, int] = {}
+        for material, counts in zip(self.materials, self.lobe_counts, strict=True):
+            for name, count in zip(material.lobes, counts.tolist(), strict=True):
+                chosen[name] = chosen.get(name, 0) + count
+        return chosen
 
     @property
     def samples_done(self) -> int:
@@ -136,7 +151,8 @@ class Renderer:
         self.paths_done = self.rays = self.shadow_rays = 0
         self.hits = self.surface_hits = self.misses = 0
         self._rays_with_lobes = 0
-        self.lobe_counts[:] = 0
+        for counts in (*self.lobe_counts, self.material_hits):
+            counts[:] = 0
 
     def advance(
         self,
@@ -226,14 +242,16 @@ class Renderer:
         self.shadow_rays += shadows
         hits = counts[layout.COUNT_HITS :]
         self.hits += int(hits.sum())
-        self.surface_hits += int(hits[layout.MATERIALS.index("surface")])
+        self.material_hits += hits[: len(self.materials)]
+        self.surface_hits += int(hits[len(self.materials) :].sum())
         self.misses += int(counts[layout.COUNT_MISSES])
         return active
 
     def count_lobes(self) -> None:
         """Take the counts of chosen lobes over from the device."""
         if self.features.statistics:
-            self.lobe_counts += self.wavefront.read_lobe_counts()
+            for mine, read in zip(self.lobe_counts, self.wavefront.read_lobe_counts(), strict=True):
+                mine += read
         self.lobes_are_counted()
 
     def lobes_are_counted(self) -> None:
@@ -277,6 +295,7 @@ class Renderer:
     def stats(self) -> dict:
         """What `--stats` writes; times in seconds, sizes in bytes."""
         render = self.seconds.get("render", 0.0)
+        lobes = self.lobes
         return {
             **software(),
             "scene": self.scene.name,
@@ -302,18 +321,36 @@ class Renderer:
             "rays": self.rays,
             "mrays_s": self.rays / render / 1e6 if render else 0.0,
             "path_length": (self.rays - self.shadow_rays) / max(self.paths_done, 1),
-            "hits_per_path": int(self.lobe_counts.sum()) / max(self.paths_done, 1),
-            "lobes": dict(zip(self.material.lobes, self.lobe_counts.tolist(), strict=True)),
+            "hits_per_path": sum(lobes.values()) / max(self.paths_done, 1),
+            "lobes": lobes,
+            "grooms": [dataclasses.asdict(groom) for groom in self.setup.grooms],
+            "materials": self._material_stats(),
             "nonfinite": self.film.read_nonfinite(self.memory),
             "bytes": {
                 "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
                 "device_peak": self.memory.peak_bytes,
                 "bvh": sum(self.memory.bytes[name] for name in BUFFERS),
-                "tables": self.memory.bytes["material"],
+                "tables": self.memory.held("material"),
             },
             "wave_size": self.wave_size.paths,
             "wave_size_from": self.wave_size.origin,
         }
+
+    def _material_stats(self) -> list[dict]:
+        """Statistics of each fibre material."""
+        rows = zip(self.materials, self.material_hits.tolist(), self.lobe_counts, strict=True)
+        return [
+            {
+                "name": material.name,
+                "hits": hits,
+                "lobes": dict(zip(material.lobes, lobes.tolist(), strict=True)),
+                "features": {
+                    "compiled": material.features.as_dict(),
+                    "left_out": left_out(material),
+                },
+            }
+            for material, hits, lobes in rows
+        ]
 
 
 def _wave_of(scene: Scene, wavefront: Wavefront) -> np.ndarray:
@@ -340,7 +377,7 @@ def render(
     target_rmse: float | None = None,
     target_relmse: float | None = None,
     wave_size: int | None = None,
-    curves: Curves | Future[Curves] | None = None,
+    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
     checkpoint: str | os.PathLike | None = None,
     checkpoint_minutes: float | None = None,
     resume: str | os.PathLike | None = None,
@@ -361,7 +398,8 @@ def render(
     target_relmse : float or None       the same of relMSE (furcl.image.compare)
     wave_size : int or None             paths traced together; changes no bit of the result; None:
                                         a constant of the kind of device
-    curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
+                                        on their way
     checkpoint : path or None           file that keeps the render where `progress` stops it, to
                                         go on from; with `checkpoint_minutes` also where it ends
     checkpoint_minutes : float or None  keep it so often too, against kills and power failures

@@ -21,7 +21,8 @@ from furcl.fibre import samplers
 from furcl.fibre.material import FibreMaterial, build_material
 from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
-from furcl.light.model import Light
+from furcl.groom.joined import Grooms
+from furcl.light.lights import Lights
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
@@ -31,6 +32,16 @@ from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
 
 
+@dataclass(frozen=True)
+class GroomFacts:
+    """A groom of a scene as rays meet it: its name, that of its material, and its size."""
+
+    name: str
+    material: str
+    strands: int
+    segments: int
+
+
 @dataclass(frozen=True, eq=False)
 class Setup:
     """Everything that a scene needs on one device.
@@ -38,7 +49,9 @@ class Setup:
     Attributes
     ----------
     memory : Memory             holds all buffers
-    features : Features         of the scene; the material's are these with its parts
+    features : Features         of the scene; those of materials are these with their parts
+    materials : list            FibreMaterial each, in the order of the scene
+    grooms : list               GroomFacts each, in the order of their strands
     learning : Learning or None     where something is learned while rendering
     seconds : dict              curves (from here on), bvh, tables, compile [s]; the first two pass
                                 while the next two do; learning [s] where there is some
@@ -47,7 +60,8 @@ class Setup:
 
     memory: Memory
     features: Features
-    material: FibreMaterial
+    materials: list[FibreMaterial]
+    grooms: list[GroomFacts]
     film: Film
     wavefront: Wavefront
     learning: Learning | None
@@ -78,7 +92,7 @@ def set_up(
     *,
     wave_size: int | None = None,
     specialised: bool = True,
-    curves: Curves | Future[Curves] | None = None,
+    curves: Curves | Grooms | Future[Curves] | Future[Grooms] | None = None,
     with_target: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
@@ -90,42 +104,46 @@ def set_up(
     GroomError, SceneError, ResourceError, KernelBuildError
     """
     timed = Timer()
-    light = scene.build_light()
-    fibre = scene.build_fibre()
-    features = scene_features(scene, fibre, light, with_target)
+    lights = scene.build_lights()
+    fibres = scene.build_fibres()
+    features = scene_features(scene, list(fibres.values()), lights, with_target)
     if not specialised:
         features = everything_on(features)
 
-    def take_groom() -> Curves:
+    def take_grooms() -> Grooms:
         with timed("curves"):
             given = curves.result() if isinstance(curves, Future) else curves
-            return (given or scene.build_curves()).traced()
+            return (scene.build_grooms() if given is None else Grooms.of(given)).traced()
 
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
 
-    def build_tree(groom: Future[Curves]) -> Bvh:
-        grown = groom.result()
+    def build_tree(grooms: Future[Grooms]) -> Bvh:
+        grown = grooms.result().curves
         with timed("bvh"):
             return build_bvh(memory, grown, point_radii(grown), debug=features.debug)
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
-        groom = beside.submit(take_groom)
-        tree = beside.submit(build_tree, groom)
+        taken = beside.submit(take_grooms)
+        tree = beside.submit(build_tree, taken)
         embree.load()
-        if groom.done():
-            groom.result()  # a file that cannot be used says so before tables are made
+        if taken.done():
+            taken.result()  # a file that cannot be used says so before tables are made
         with timed("tables"):
-            material = _material(memory, scene, fibre, features, specialised)
-        grown = groom.result()
+            materials = [
+                _material(memory, scene, name, fibre, features, specialised)
+                for name, fibre in fibres.items()
+            ]
+        grooms = taken.result()
+        grown = grooms.curves
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
         film = Film.allocate(
             memory, scene.film.width, scene.film.height, features, scene.render.spp
         )
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, material, light, film, grown, size)
+            wavefront = _wavefront(memory, scene, features, materials, lights, film, grown, size)
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -138,25 +156,41 @@ def set_up(
                     scene.render.shadow_threshold,
                 )
         built = tree.result()
-        wavefront.place(built.arguments())
+        wavefront.place(built.arguments(), grooms.material_starts(len(materials)))
     return Setup(
         memory,
         features,
-        wavefront.material,
+        [fibre.material for fibre in wavefront.fibres],
+        _facts(grooms, list(fibres)),
         film,
         wavefront,
         learning,
         size,
         built.n_segments,
-        light.n_negative,
+        lights.n_negative,
         timed.seconds,
     )
 
 
+def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:
+    """What statistics say of grooms, in the order of their strands."""
+    return [
+        GroomFacts(
+            groom.name, materials[groom.material], groom.curves.n_strands, groom.curves.n_segments
+        )
+        for groom in grooms.grooms
+    ]
+
+
 def _material(
-    memory: Memory, scene: Scene, fibre: object, features: Features, specialised: bool
+    memory: Memory,
+    scene: Scene,
+    name: str,
+    fibre: object,
+    features: Features,
+    specialised: bool,
 ) -> FibreMaterial:
-    """The scene's fibre on the device."""
+    """A fibre of the scene on the device."""
     model, residual = model_of(fibre), scene.render.residual
     needed = model.features(fibre, residual=residual)
     return build_material(
@@ -166,6 +200,7 @@ def _material(
         samplers.find(scene.render.sampling),
         fibre_features=needed if specialised else needed.everything_on(),
         drop_lobes=specialised,
+        name=name,
     )
 
 
@@ -173,20 +208,20 @@ def _wavefront(
     memory: Memory,
     scene: Scene,
     features: Features,
-    material: FibreMaterial,
-    light: Light,
+    materials: list[FibreMaterial],
+    lights: Lights,
     film: Film,
     curves: Curves,
     size: WaveSize,
 ) -> Wavefront:
     """Compile the kernels and allocate what they work on."""
-    buffer: cl.Buffer = index_checks.upload(
-        memory, "light", light.device_buffer(features.light_sampling), features.debug
-    )
+    middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
+    light = lights.device_buffer(features.light_sampling, middle)
+    buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
     return Wavefront(
         memory,
         features,
-        material.with_features(features),
+        [material.with_features(features) for material in materials],
         None if features.surface is None else (scene.body or ABSENT).params(),
         buffer,
         camera_struct(scene, curves),

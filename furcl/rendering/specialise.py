@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from furcl.device.features import Features
 from furcl.errors import SceneError
 from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
 from furcl.fibre.model import model_of
-from furcl.light.model import Light
+from furcl.light.lamps.layout import LampsPart
+from furcl.light.lights import Lights
 from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
 
 
-def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = False) -> Features:
-    """What the kernels of a scene, with what is built from it, need, whatever the groom is.
+def scene_features(
+    scene: Scene, fibres: Sequence[Any], lights: Lights, with_target: bool = False
+) -> Features:
+    """What the kernels of a scene, with what is built from it, need, whatever the grooms are.
 
     The light is sampled (MIS) where `light_sampling` says so, and by "auto" unless every direction
     is worth the same. Adaptive allocation and target errors need plans. With FURCL_DEBUG=1 in the
@@ -35,21 +39,23 @@ def scene_features(scene: Scene, fibre: Any, light: Light, with_target: bool = F
             f"scene {scene.name!r}: render.variance = false: {wants} needs the variance; set it to "
             f"true or leave it out"
         )
-    if render.light_sampling == "bcsdf" and not light.at_infinity:
+    if render.light_sampling == "bcsdf" and lights.hidden:
         raise SceneError(
             f"scene {scene.name!r}: render.light_sampling = 'bcsdf' never finds a light of kind "
-            f"{light.kind!r}; allowed are 'mis' and 'auto'"
+            f"{lights.hidden[0]!r}; allowed are 'mis' and 'auto'"
         )
     light_sampling = render.light_sampling == "mis" or (
-        render.light_sampling == "auto" and (light.worth_sampling or not light.at_infinity)
+        render.light_sampling == "auto" and lights.worth_sampling
     )
-    grey = model_of(fibre).is_grey(fibre) and light.grey
+    grey = all(model_of(fibre).is_grey(fibre) for fibre in fibres) and lights.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
-        light=light.part(),
+        light=lights.environment_part,
+        lamps=lights.lamps_part,
         surface=scene.body.part if scene.body is not None else None,
+        fibres=len(fibres),
         channels=1 if grey else 3,
         light_sampling=light_sampling,
         lens=scene.camera.aperture_radius > 0.0,
@@ -74,6 +80,7 @@ def everything_on(features: Features) -> Features:
         channels=3,
         light_sampling=True,
         point_radii=True,
+        lamps=features.lamps.everything_on() if isinstance(features.lamps, LampsPart) else None,
         surface=features.surface or ABSENT.part,
         lens=True,
         roulette=True,
@@ -90,10 +97,12 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     tables = material.tables is not None
     return {
         **material.fibre_features.optional(),
-        "colour": (features.channels == 3, "fibre, light and body are grey: one channel"),
-        "light_sampling": (features.light_sampling, "the environment is not sampled"),
+        "colour": (features.channels == 3, "fibres, light and body are grey: one channel"),
+        "light_sampling": (features.light_sampling, "the light is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
+        "environment": (features.light is not None, "the scene has no environment"),
+        "lamps": (features.lamps is not None, "the scene has no lamps"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "sobol": (features.sequence == "sobol", "samples of a pixel are independent"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),

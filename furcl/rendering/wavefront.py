@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 
 import numpy as np
 import pyopencl as cl
@@ -75,6 +76,7 @@ class Stage:
 
     def __init__(self, kernel: cl.Kernel) -> None:
         self._kernel = kernel
+        self.name: str = kernel.function_name
         self._bound: list[object] = [None] * kernel.num_args
 
     def launch(
@@ -92,14 +94,34 @@ class QueueLengths:
     """Queue lengths on their way to the host."""
 
     def __init__(self, queue: cl.CommandQueue, buffer: cl.Buffer) -> None:
-        self._counts = np.empty(layout.N_COUNTS, np.uint32)
+        self._counts = np.empty(buffer.size // 4, np.uint32)
         self._event = cl.enqueue_copy(queue, self._counts, buffer, is_blocking=False)
         queue.flush()
 
     def wait(self) -> np.ndarray:
-        """The lengths (layout.COUNT_*), (N_COUNTS,) uint32."""
+        """The lengths (layout.COUNT_*), uint32; the last are those of the hit queues."""
         self._event.wait()
         return self._counts
+
+
+class FibreStages:
+    """The kernels of one fibre material and what they count.
+
+    Attributes
+    ----------
+    material : FibreMaterial
+    queue : np.uint32           number of its hit queue
+    lobe_counts : cl.Buffer     selections of each lobe
+    stages : dict               name of a stage -> Stage
+    """
+
+    def __init__(self, memory: Memory, material: FibreMaterial, queue: int) -> None:
+        self.material = material
+        self.queue = np.uint32(queue)
+        n = 4 * len(material.lobes)
+        name = f"lobe counts: {queue}" if queue else "lobe counts"
+        self.lobe_counts = memory.allocate(name, n, zero=True)
+        self.stages: dict[str, Stage] = {}
 
 
 class Wavefront:
@@ -109,8 +131,8 @@ class Wavefront:
 
     Parameters
     ----------
-    features : Features             of the scene; the material's kernels have its own
-    material : FibreMaterial
+    features : Features             of the scene; the materials' kernels have their own
+    materials : list                FibreMaterial each, in the order of their hit queues
     surface : struct or None        SurfaceParams, where the features have a surface
     light : Buffer                  of furcl.device.index_checks.upload
     camera : struct Camera
@@ -128,7 +150,7 @@ class Wavefront:
         self,
         memory: Memory,
         features: Features,
-        material: FibreMaterial,
+        materials: list[FibreMaterial],
         surface: np.ndarray | None,
         light: cl.Buffer,
         camera: np.ndarray,
@@ -139,9 +161,10 @@ class Wavefront:
         self.queue = memory.device.queue
         self.memory = memory
         self.features = features
-        self.material = material
+        self.fibres = [FibreStages(memory, m, i) for i, m in enumerate(materials)]
         self._surface = [] if features.surface is None else [surface]
         self.light = light
+        self._lamps = [light] if features.area_lamps else []
         self.camera = camera
         self.film = film
         n_slots = layout.whole_blocks(n_slots)
@@ -155,49 +178,70 @@ class Wavefront:
         record = RECORD_BYTES if features.debug else 0
         self.state = memory.allocate("path state", 4 * n_planes * n_slots + record)
         self.checks.watch(self.state, n_vertices=n_vertices, n_film=film.sums.size // 4)
-        for buffer in (material.buffer, light):
+        for buffer in (*(m.buffer for m in materials), light):
             self.checks.watch(buffer)
         self.active, self.next, self.misses, self.shadows = (
             memory.allocate(f"queue {name}", 4 * n_slots)
             for name in ("active", "next", "misses", "shadows")
         )
-        n_materials = 1 if features.surface is None else len(layout.MATERIALS)
-        self.hits = memory.allocate("queues hits", 4 * n_slots * n_materials)
+        self.hits = memory.allocate("queues hits", 4 * n_slots * features.hit_queues)
         # Lengths of the active queue (of the bounce before) and of the queues being filled.
+        n_counts = layout.COUNT_HITS + features.hit_queues
         self.active_counts, self.counts = (
-            memory.allocate(f"queue lengths {name}", 4 * layout.N_COUNTS) for name in ("in", "out")
+            memory.allocate(f"queue lengths {name}", 4 * n_counts) for name in ("in", "out")
         )
-        self._n_lobes = len(material.lobes)
-        self.lobe_counts = memory.allocate("lobe counts", 4 * self._n_lobes, zero=True)
         self.learning = None if features.learning is None else Buffers(memory, n_slots)
         self.geometry = no_geometry(memory)
+        self._starts = [self.geometry[0]] if features.fibres > 1 else []
         self._warm_up()
 
-    def _program(self, stages: list[str]) -> tuple[list[str], Features, dict[str, int]]:
-        """Files, features and defines of stages that are compiled together."""
-        of_material = stages[0] in MATERIAL_STAGES
+    def _programs(self) -> list[tuple[FibreStages | None, list[str], Features]]:
+        """What is compiled together: the material that has it to itself, stages, features."""
+        found: list[tuple[FibreStages | None, list[str], Features]] = []
+        for stages in stage_programs(self.features):
+            if stages[0] in MATERIAL_STAGES:
+                found += [(fibre, stages, fibre.material.features) for fibre in self.fibres]
+            else:
+                found.append((None, stages, self.features))
+        return found
+
+    def _source(
+        self, stages: list[str], features: Features
+    ) -> tuple[list[str], Features, dict[str, int]]:
+        """What `program.build` and `kernel_text` take of stages that are compiled together."""
         files = stage_files(self.features)
-        return (
-            list(dict.fromkeys(files[stage] for stage in stages)),
-            self.material.features if of_material else self.features,
-            stage_defines(stages[0], self.memory.device),
-        )
+        names = list(dict.fromkeys(files[stage] for stage in stages))
+        return names, features, stage_defines(stages[0], self.memory.device)
 
     def texts(self) -> list[str]:
         """The texts of all stages as they are compiled."""
-        return [kernel_text(*self._program(stages)) for stages in stage_programs(self.features)]
+        sources = (self._source(stages, features) for _, stages, features in self._programs())
+        return list(dict.fromkeys(kernel_text(*source) for source in sources))
 
     def _build_stages(self) -> dict[str, Stage]:
-        """Compile the kernels."""
+        """Compile the kernels; materials that need the same share a program."""
         kernels = {}
-        for stages in stage_programs(self.features):
-            built = program.build(self.memory.device, *self._program(stages))
-            kernels |= {stage: Stage(cl.Kernel(built, stage)) for stage in stages}
+        for fibre, stages, features in self._programs():
+            built = program.build(self.memory.device, *self._source(stages, features))
+            of_stages = {stage: Stage(cl.Kernel(built, stage)) for stage in stages}
+            if fibre is None:
+                kernels |= of_stages
+            else:
+                fibre.stages = of_stages
         return kernels
 
-    def place(self, geometry: list[cl.Buffer]) -> None:
-        """Set the tree that rays are sent through: what furcl.bvh.build.Bvh.arguments returns."""
+    def place(self, geometry: list[cl.Buffer], material_starts: Sequence[int] = ()) -> None:
+        """Set the tree that rays are sent through.
+
+        Parameters
+        ----------
+        geometry : list         what furcl.bvh.build.Bvh.arguments returns
+        material_starts : (m,)  first vertex of the strands of each material
+        """
         self.geometry = geometry
+        if self.features.fibres > 1:
+            starts = np.array(material_starts[1:], np.uint32)
+            self._starts = [self.memory.upload("material starts", starts)]
         if self.features.debug:
             watch(self.checks, geometry, self.n_vertices)
 
@@ -242,7 +286,7 @@ class Wavefront:
         `active`, here and in the other stages, is at least the number of active paths; kernels
         read the number itself on the device.
         """
-        fill(self.queue, self.counts, 0, 4 * layout.N_COUNTS)
+        fill(self.queue, self.counts, 0, self.counts.size)
         self._launch(
             "intersect_closest",
             active,
@@ -254,7 +298,9 @@ class Wavefront:
             self.counts,
             self.n_slots,
             *self.geometry,
+            *self._starts,
             *self._surface,
+            *self._lamps,
         )
 
     def shade_escaped(self, wave: np.ndarray, active: int, depth: int) -> None:
@@ -272,24 +318,26 @@ class Wavefront:
 
     def scatter(self, wave: np.ndarray, active: int, depth: int) -> None:
         """Continue the paths that met something, material by material."""
-        self.sample_lobe_h(wave, active, depth)
-        self.shade(wave, active, depth)
+        for fibre in self.fibres:
+            self.sample_lobe_h(fibre, wave, active, depth)
+            self.shade(fibre, wave, active, depth)
         if self.features.surface is not None:
             self.shade_surface(wave, active, depth)
 
-    def sample_lobe_h(self, wave: np.ndarray, active: int, depth: int) -> None:
-        """Choose lobe and offset for the paths that met a fibre."""
+    def sample_lobe_h(self, fibre: FibreStages, wave: np.ndarray, active: int, depth: int) -> None:
+        """Choose lobe and offset for the paths that met a fibre of a material."""
         self._launch(
-            "sample_lobe_h",
+            fibre.stages["sample_lobe_h"],
             active,
             self.state,
             self.hits,
             self.counts,
             wave,
             np.uint32(depth),
+            fibre.queue,
             self.vertices,
-            self.material.buffer,
-            self.lobe_counts,
+            fibre.material.buffer,
+            fibre.lobe_counts,
         )
 
     @property
@@ -297,10 +345,10 @@ class Wavefront:
         """What is learned, and the records to learn more."""
         return [self.learning.table, self.learning.records] if self.learning else []
 
-    def shade(self, wave: np.ndarray, active: int, depth: int) -> None:
-        """Continue the paths that met a fibre: fills the next and shadow queues."""
+    def shade(self, fibre: FibreStages, wave: np.ndarray, active: int, depth: int) -> None:
+        """Continue the paths that met a fibre of a material: fills the next and shadow queues."""
         self._launch(
-            "shade",
+            fibre.stages["shade"],
             active,
             self.state,
             self.hits,
@@ -309,8 +357,9 @@ class Wavefront:
             self.counts,
             wave,
             np.uint32(depth),
+            fibre.queue,
             self.vertices,
-            self.material.buffer,
+            fibre.material.buffer,
             self.light,
             *self._learned,
         )
@@ -344,6 +393,7 @@ class Wavefront:
                 self.n_slots,
                 *self.geometry,
                 *self._surface,
+                *self._lamps,
             )
 
     def swap(self) -> QueueLengths:
@@ -380,11 +430,15 @@ class Wavefront:
             *planned,
         )
 
-    def read_lobe_counts(self) -> np.ndarray:
-        """Selections of each lobe since the last call, (n_lobes,) int64; sets them to zero."""
-        counts = self.memory.read(self.lobe_counts, self._n_lobes, np.uint32)
-        fill(self.queue, self.lobe_counts, 0, 4 * self._n_lobes)
-        return counts.astype(np.int64)
+    def read_lobe_counts(self) -> list[np.ndarray]:
+        """Selections of each lobe since the last call, (n_lobes,) int64 of each material; sets them
+        to zero."""
+        found = []
+        for fibre in self.fibres:
+            n = len(fibre.material.lobes)
+            found.append(self.memory.read(fibre.lobe_counts, n, np.uint32).astype(np.int64))
+            fill(self.queue, fibre.lobe_counts, 0, 4 * n)
+        return found
 
     def _size(self, stage: str, n: int) -> Size:
         if stage in RAY_STAGES:
@@ -393,9 +447,11 @@ class Wavefront:
             return path_grid(self.memory.device, n)
         return grid(n, local=LOCAL_SIZE)
 
-    def _launch(self, stage: str, n: int, *arguments) -> None:
-        size, local = self._size(stage, n)
-        event = self._stages[stage].launch(self.queue, size, local, *arguments)
+    def _launch(self, stage: str | Stage, n: int, *arguments) -> None:
+        """Launch a stage of the scene by its name, or one of a material, over n items."""
+        kernel = self._stages[stage] if isinstance(stage, str) else stage
+        size, local = self._size(kernel.name, n)
+        event = kernel.launch(self.queue, size, local, *arguments)
         if self.keep_events:
-            self.events[stage].append(event)
-        self.checks.check(stage)
+            self.events[kernel.name].append(event)
+        self.checks.check(kernel.name)

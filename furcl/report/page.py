@@ -10,14 +10,14 @@ from typing import Any
 import jinja2
 
 from furcl.errors import BenchError
-from furcl.files import atomic_path
+from furcl.files import atomic_path, read_text
 
 
 def load_results(folder: Path, benchmark: str) -> dict[str, Any]:
     """The results.json of a folder; BenchError if it is not that of `furcl bench BENCHMARK`."""
     path = folder / "results.json"
     try:
-        results = json.loads(path.read_text(encoding="utf-8"))
+        results = json.loads(read_text(path))
     except (OSError, ValueError) as error:
         raise BenchError(
             f"{path}: cannot be read: {error}; give the folder of a `furcl bench {benchmark}`"

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from furcl.errors import BenchError
+from furcl.files import read_text
 from furcl.report import convergence, stability
 
 # Benchmarks that have a page; the others print their tables.
@@ -29,7 +30,7 @@ def write_pages(folder: str | Path) -> list[Path]:
     pages = []
     for path in sorted(Path(folder).rglob("results.json")):
         try:
-            schema = str(json.loads(path.read_text(encoding="utf-8")).get("schema"))
+            schema = str(json.loads(read_text(path)).get("schema"))
         except (OSError, ValueError, AttributeError) as error:
             raise BenchError(f"{path}: cannot be read: {error}; run the benchmark again") from None
         writer = WRITERS.get(schema.rpartition("-")[0])

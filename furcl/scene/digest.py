@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Grooms
 from furcl.scene.schema import files_in
 from furcl.scene.tables import Scene
 
@@ -23,18 +24,22 @@ def digest(*parts: object) -> str:
     return state.hexdigest()[:20]
 
 
-def scene_digest(scene: Scene, curves: Curves | None = None) -> str:
+def scene_digest(scene: Scene, curves: Curves | Grooms | None = None) -> str:
     """A hash of all that the picture of a scene follows from, but the table [render].
 
     Parameters
     ----------
-    curves : Curves or None     the scene's groom, where it is there already
+    curves : Curves, Grooms or None     the scene's groom or grooms, where they are there already
     """
     document = msgspec.to_builtins(scene)
     del document["render"], document["name"], document["film"]["exposure_stops"]
-    curves = curves or scene.build_curves()
-    arrays = (curves.points, curves.radii, curves.offsets)
-    parts: list[object] = [np.ascontiguousarray(array).tobytes() for array in arrays]
+    grooms = scene.build_grooms() if curves is None else Grooms.of(curves)
+    parts: list[object] = []
+    for groom in (groom.curves for groom in grooms.grooms):
+        parts.append(sorted(groom.attributes))
+        arrays = [groom.points, groom.radii, groom.offsets]
+        arrays += [groom.attributes[name] for name in sorted(groom.attributes)]
+        parts += [np.ascontiguousarray(array).tobytes() for array in arrays]
     for keys, table in list(files_in(document)):
         # What is in a file counts, not where it lies; the groom's is in the arrays.
         name = table.pop(keys[-1])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from furcl.errors import SceneError
 from furcl.fibre.model import ModelTable
+from furcl.groom.curves import Curves
+from furcl.groom.joined import placed
 from furcl.groom.tables import CurvesTable
 from furcl.scene.transform import Transform
 from furcl.table import Table
@@ -29,3 +32,24 @@ class Groom(Table, frozen=True, kw_only=True):
             raise ValueError(
                 f"material = {self.material!r} is given beside fibre; give one or the other"
             )
+
+    def build(self, name: str) -> Curves:
+        """Its strands, in their place in the scene.
+
+        Parameters
+        ----------
+        name : str      of the groom, for messages
+
+        Raises
+        ------
+        GroomError      if the file cannot be used, or the generator refuses its parameters
+        SceneError      a transform that radii cannot follow
+        """
+        curves = self.curves.build()
+        if self.transform.is_identity:
+            return curves
+        try:
+            scale = self.transform.uniform_scale()
+        except ValueError as error:
+            raise SceneError(f"groom.{name}.transform {error}") from None
+        return placed(curves, self.transform.points, scale, f"groom {name}")

@@ -5,13 +5,14 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Iterable
+from errno import ENAMETOOLONG, ENOENT, ENOTDIR
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from furcl.errors import FibreError, SceneError
-from furcl.files import is_file, named
+from furcl.files import check_regular, named, open_regular
 from furcl.paths import scene_folder
 from furcl.scene.document import MAX_BYTES, parse_toml
 from furcl.scene.overrides import Document, absolute_files, apply_overrides, keyword_overrides
@@ -68,8 +69,8 @@ def load_scene(
 
 def _read(path: Path) -> Document:
     try:
-        with path.open("rb") as file:
-            return parse_toml(file.read(MAX_BYTES + 1).decode("utf-8"))
+        with open_regular(path) as file:
+            return parse_toml(file.read(MAX_BYTES + 1).decode("utf-8-sig"))
     except FileNotFoundError:
         raise SceneError(f"{path}: there is no such scene file; {_where_else(path)}") from None
     except OSError as error:
@@ -124,12 +125,20 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
     scene = _decoded(document, Scene, (), document, source)
     for keys, table in files_in(document):
         name = table[keys[-1]]
-        if not is_file(name):
+        try:
+            check_regular(name)
+        except (OSError, ValueError) as error:  # of names that no file can have
+            absent = getattr(error, "errno", None) in (None, ENOENT, ENOTDIR, ENAMETOOLONG)
+            reason = "there is no such file" if absent else getattr(error, "strerror", "")
             raise SceneError(
-                f"{source}: {'.'.join(keys)} = {shown(name)}: there is no such file; correct "
-                f"the path (relative ones are sought beside the scene file, those of --set where "
-                f"you are)"
-            )
+                f"{source}: {'.'.join(keys)} = {shown(name)}: {reason}; correct the path (relative "
+                f"ones are sought beside the scene file, those of --set where you are)"
+            ) from None
+    if scene.environment is None and not scene.lamp:
+        raise SceneError(
+            f"{source}: environment is missing; add it or a lamp to the file, or give --set "
+            f"environment.kind=constant"
+        )
     _check_grooms(scene, source)
     return scene
 

@@ -22,11 +22,16 @@ from furcl.fibre import samplers
 from furcl.fibre.model import ModelTable
 from furcl.groom import kinds as groom_kinds
 from furcl.groom.curves import Curves
+from furcl.groom.joined import Groom as GroomCurves
+from furcl.groom.joined import Grooms
 from furcl.groom.tables import CurvesTable
 from furcl.light import kinds as lights
+from furcl.light.lights import Lights
 from furcl.light.model import Light
+from furcl.scene import lamps
 from furcl.scene.camera import Camera
 from furcl.scene.groom import Groom
+from furcl.scene.lamps import Lamp
 from furcl.surface import kinds as surfaces
 from furcl.surface.model import Surface
 from furcl.table import Table
@@ -84,6 +89,8 @@ class Render(Table, frozen=True, kw_only=True):
                             your own (docs/own_sampler.md)
     light_sampling : str    "bcsdf" samples fibres only, "mis" also the light, "auto" chooses by the
                             light
+    lamp_choice : str       how light samples take one of many lamps: by the light that it may send
+                            to the "position", or by its "power" alone
     allocation : str        "even" gives every pixel the same number of samples, "adaptive" more to
                             those with larger errors
     sequence : str          random numbers of a pixel's samples: "independent", or "sobol", spread
@@ -115,6 +122,7 @@ class Render(Table, frozen=True, kw_only=True):
     max_depth: Annotated[int, Meta(ge=1, le=100_000)] = 1000
     sampling: str = "full-cdf"
     light_sampling: Literal["auto", "bcsdf", "mis"] = "auto"
+    lamp_choice: Literal["position", "power"] = "position"
     allocation: Literal["even", "adaptive"] = "even"
     sequence: Sequence = "sobol"
     roulette: Literal["depth", "throughput", "adjoint"] = "adjoint"
@@ -173,11 +181,12 @@ class Kinds:
 KINDS = {
     "fibre": Kinds("model", models.tables, "double-cylinder"),
     "environment": Kinds("kind", lights.tables),
+    "lamp": Kinds("kind", lamps.tables),
     "curves": Kinds("generator", groom_kinds.tables, "file"),
     "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
 # Keys whose tables are named by the scene -> what each of them is by KINDS, if it has kinds.
-NAMED = {"groom": None, "material": "fibre"}
+NAMED = {"groom": None, "material": "fibre", "lamp": "lamp"}
 
 
 def kinds_at(keys: Keys) -> Kinds | None:
@@ -198,14 +207,15 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
-    groom, material : dict  name -> table
+    groom, material, lamp : dict    name -> table
     """
 
     name: str = ""
     camera: Camera = Camera()
     film: Film = Film()
     fibre: ModelTable | None = None
-    environment: Table
+    environment: Table | None = None
+    lamp: dict[str, Lamp] = msgspec.field(default_factory=dict)
     curves: CurvesTable | None = None
     groom: dict[str, Groom] = msgspec.field(default_factory=dict)
     material: dict[str, ModelTable] = msgspec.field(default_factory=dict)
@@ -213,9 +223,9 @@ class Scene(Table, frozen=True, kw_only=True):
     render: Render = Render()
 
     def __repr__(self) -> str:
-        tables = [table for name in KINDS if (table := getattr(self, name)) is not None]
-        kinds = [str(table.__struct_config__.tag) for table in tables]
-        kinds += [f"groom {name}" for name in self.groom]
+        ones = [getattr(self, name) for name in KINDS if name not in NAMED]
+        kinds = [str(table.__struct_config__.tag) for table in ones if table is not None]
+        kinds += [f"{key} {name}" for key in ("groom", "lamp") for name in getattr(self, key)]
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def __hash__(self) -> int:
@@ -233,44 +243,91 @@ class Scene(Table, frozen=True, kw_only=True):
         found = self.fibre if groom.material is None else self.material[groom.material]
         return msgspec.structs.replace(groom, material=None, fibre=groom.fibre or found)
 
-    def build_fibre(self) -> Any:
-        """The parameters of the fibre, of its model's own class.
+    def materials(self) -> dict[str, ModelTable]:
+        """The fibre materials that grooms are of, by name: [material.NAME], [groom.NAME.fibre]
+        by the groom's name, and [fibre] as "fibre"."""
+        found = {}
+        for name, groom in self.grooms().items():
+            assert groom.fibre is not None  # by the check of every scene that is read
+            found[self.material_name(name)] = groom.fibre
+        return found
+
+    def material_name(self, groom: str) -> str:
+        """The name in `materials` of what a groom of that name is of."""
+        table = self.groom.get(groom)
+        if table is None or (table.material is None and table.fibre is None):
+            return "fibre"
+        return table.material or f"groom {groom}"
+
+    def build_fibres(self) -> dict[str, Any]:
+        """Name of each fibre material -> its parameters, of its model's own class.
 
         Raises
         ------
         FibreError      a value outside its range
-        SceneError      several grooms
         """
-        fibre = self._only_groom().fibre
-        assert fibre is not None  # by the check of every scene that is read
-        return fibre.build()
+        return {name: table.build() for name, table in self.materials().items()}
+
+    def build_fibre(self) -> Any:
+        """The parameters of the only fibre.
+
+        Raises
+        ------
+        FibreError      a value outside its range
+        SceneError      several fibre materials
+        """
+        fibres = self.build_fibres()
+        if len(fibres) > 1:
+            raise SceneError(
+                f"scene {self.name!r}: {len(fibres)} materials, {', '.join(fibres)}; one is taken "
+                f"here"
+            )
+        return next(iter(fibres.values()))
 
     def build_light(self) -> Light:
-        """The light around the scene; files are read here.
+        """The environment; files are read here.
 
         Raises
         ------
         ImageError      if the image of the light cannot be used
+        SceneError      if the scene has lamps alone
         """
+        if self.environment is None:
+            raise SceneError(
+                f"scene {self.name!r} has no [environment]; build_lights() gives its lamps"
+            )
         return lights.from_table(self.environment)
 
-    def build_curves(self) -> Curves:
-        """Read or grow the groom.
+    def build_lights(self) -> Lights:
+        """The environment and the lamps; files are read here.
 
         Raises
         ------
-        GroomError      if the file cannot be used, or the generator refuses its parameters
-        SceneError      several grooms
+        ImageError      if the image of the light cannot be used
+        LightError      if a lamp cannot be used
         """
-        return self._only_groom().curves.build()
+        environment = None if self.environment is None else self.build_light()
+        return Lights(environment, lamps.build(self.lamp, self.render.lamp_choice == "position"))
 
-    def _only_groom(self) -> Groom:
-        grooms = self.grooms()
-        if len(grooms) > 1:
-            raise SceneError(
-                f"scene {self.name!r}: {len(grooms)} grooms, {', '.join(grooms)}; one is taken here"
-            )
-        return next(iter(grooms.values()))
+    def build_grooms(self) -> Grooms:
+        """Read or grow the grooms and put them in their places.
+
+        Raises
+        ------
+        GroomError      if a file cannot be used, or a generator refuses its parameters
+        SceneError      a transform that radii cannot follow
+        """
+        numbers = {name: number for number, name in enumerate(self.materials())}
+        return Grooms(
+            [
+                GroomCurves(name, table.build(name), numbers[self.material_name(name)])
+                for name, table in self.grooms().items()
+            ]
+        )
+
+    def build_curves(self) -> Curves:
+        """The strands of all grooms, see `build_grooms`."""
+        return self.build_grooms().curves
 
     def resolved_camera(self, curves: Curves) -> Camera:
         """The camera with all places filled in; if it frames, it frames groom and body."""

@@ -1,4 +1,4 @@
-/* Stage 2. Rays against the groom and the surface.
+/* Stage 2. Rays against the groom, the surface and the lamps.
 
    A work-item takes FURCL_RAYS_PER_ITEM rays; the vectors are inside a ray (eight lanes at a time). */
 #include "bvh/traversal.clh"
@@ -6,18 +6,38 @@
 #if FURCL_SURFACE
 #include <surface>
 #endif
+#if FURCL_AREA_LAMPS
+#include <lamps>
+#endif
 
 /* What the rays of a kernel are read from and what becomes of them. */
 typedef struct {
     Paths paths;
     __global const uint* queue;
-    __global uint* hit_queues;  /* one of n_slots for each material: FURCL_MATERIAL_* */
+    __global uint* hit_queues;  /* of n_slots each: of each fibre material, then the surface's */
     __global uint* miss_queue;
     __global uint* counts;
+#if FURCL_FIBRES > 1
+    __global const uint* material_starts;
+#endif
 #if FURCL_SURFACE
     const SurfaceParams* surface;
 #endif
+#if FURCL_AREA_LAMPS
+    __global const float* light;
+#endif
 } PathRays;
+
+#if FURCL_FIBRES > 1
+/* The material of the fibre that a vertex belongs to. Strands are in the order of their materials;
+   `starts` are the first vertices of all materials but the first. */
+static inline uint material_of_vertex(__global const uint* starts, uint vertex)
+{
+    uint material = 0u;
+    for (uint i = 0; i < FURCL_FIBRES - 1u; i++) material += vertex >= starts[i] ? 1u : 0u;
+    return material;
+}
+#endif
 
 static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
@@ -29,21 +49,36 @@ static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit
 #if FURCL_SURFACE
     surface_hit(rays->surface, query, hit);
 #endif
+#if FURCL_AREA_LAMPS
+    lamps_hit(rays->light, query, FURCL_NO_LAMP, hit);
+#endif
 }
 
 static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
-    if (hit->segment == FURCL_NO_SEGMENT) {
+    bool ends = hit->segment == FURCL_NO_SEGMENT;
+#if FURCL_AREA_LAMPS
+    ends |= hit->segment == FURCL_LAMP_HIT;
+#endif
+    if (ends) {
+#if FURCL_AREA_LAMPS
+        set_path_uint(paths, PS_HIT_SEGMENT, slot, hit->segment);
+        set_path_float(paths, PS_HIT_U, slot, hit->u);
+        set_path_float(paths, PS_HIT_T, slot, hit->t);
+#endif
         const uint place = atomic_inc(rays->counts + FURCL_COUNT_MISSES);
         rays->miss_queue[FURCL_SLOT(paths, place)] = slot;
         return;
     }
-    uint material = FURCL_MATERIAL_FIBRE;
+    uint material = 0u;
+#if FURCL_FIBRES > 1
+    material = material_of_vertex(rays->material_starts, hit->segment);
+#endif
 #if FURCL_SURFACE
     set_path_float(paths, PS_HIT_T, slot, hit->t);
-    if (hit->segment == FURCL_SURFACE_HIT) material = FURCL_MATERIAL_SURFACE;
+    if (hit->segment == FURCL_SURFACE_HIT) material = FURCL_FIBRES;
 #endif
     set_path_float(paths, PS_HIT_U, slot, hit->u);
     set_path_uint(paths, PS_HIT_SEGMENT, slot, hit->segment);
@@ -54,7 +89,8 @@ static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 /* Finds what the ray of every path meets first.
 
    reads    state: ORIGIN, DIR, FROM_SEGMENT; the groom; active_counts: COUNT_NEXT of the bounce before
-   writes   state: HIT_*; the hit queue of each material, the miss queue and their lengths in counts
+   writes   state: HIT_*; the hit queue of each material, the miss queue, where lamps are too, and their
+            lengths in counts
    over     the queue of paths that go on, FURCL_RAYS_PER_ITEM a work-item
    next     shade_escaped over the miss queue; for each material sample_lobe_h and shade, or
             shade_surface, over its hit queue */
@@ -63,8 +99,14 @@ __kernel void intersect_closest(
     __global uint* miss_queue, __global const uint* active_counts, __global uint* counts,
     const uint n_slots, __global const uint* blocks, __global const StoredVertex* vertices,
     __global const uint* strands
+#if FURCL_FIBRES > 1
+    , __global const uint* material_starts
+#endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
+#endif
+#if FURCL_AREA_LAMPS
+    , __global const float* light
 #endif
     )
 {
@@ -75,15 +117,21 @@ __kernel void intersect_closest(
     rays.hit_queues = hit_queues;
     rays.miss_queue = miss_queue;
     rays.counts = counts;
+#if FURCL_FIBRES > 1
+    rays.material_starts = material_starts;
+#endif
 #if FURCL_SURFACE
     rays.surface = &surface;
+#endif
+#if FURCL_AREA_LAMPS
+    rays.light = light;
 #endif
     TRACE_RAYS(&groom, active_counts[FURCL_COUNT_NEXT], false, load_path_ray, store_path_hit, &rays);
 }
 
 #if FURCL_LIGHT_SAMPLING
 
-/* A surface in the way ends the search for fibres where it begins. */
+/* A surface or lamp in the way ends the search for fibres where it begins. */
 static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
     const Paths paths = rays->paths;
@@ -91,12 +139,15 @@ static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, H
     *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_SHADOW_DIR, slot),
                      path_uint(paths, PS_FROM_SEGMENT, slot)};
     float distance = INFINITY;
-#if !FURCL_LIGHT_AT_INFINITY
+#if FURCL_SHADOW_DISTANCES
     distance = path_float(paths, PS_SHADOW_DISTANCE, slot);
 #endif
     *hit = (Hit){distance, 0.0f, FURCL_NO_SEGMENT};
 #if FURCL_SURFACE
     if (surface_hit(rays->surface, query, hit)) hit->t = 0.0f;
+#endif
+#if FURCL_AREA_LAMPS
+    if (lamps_hit(rays->light, query, path_uint(paths, PS_SHADOW_LAMP, slot), hit)) hit->t = 0.0f;
 #endif
 }
 
@@ -123,6 +174,9 @@ __kernel void intersect_shadow(
 #if FURCL_SURFACE
     , const SurfaceParams surface
 #endif
+#if FURCL_AREA_LAMPS
+    , __global const float* light
+#endif
     )
 {
     const Groom groom = groom_of(blocks, vertices, strands);
@@ -131,6 +185,9 @@ __kernel void intersect_shadow(
     rays.queue = shadow_queue;
 #if FURCL_SURFACE
     rays.surface = &surface;
+#endif
+#if FURCL_AREA_LAMPS
+    rays.light = light;
 #endif
     TRACE_RAYS(&groom, counts[FURCL_COUNT_SHADOWS], true, load_shadow_ray, store_shadow_hit, &rays);
 }

@@ -2,19 +2,19 @@
 
    reads    state: DIR, HIT_SEGMENT; vertices, material
    writes   state: LOBE, OFFSET_H, JOINT; lobe_counts (with FURCL_STATISTICS)
-   over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
+   over     the hit queue of its material, of number `queue`, FURCL_PATHS_PER_ITEM a work-item
    next     shade */
 #include "fibre/sampler.clh"
 #include "geometry/fibre_hits.clh"
 
 __kernel void sample_lobe_h(
     __global float* state, __global const uint* hit_queues, __global const uint* counts,
-    const Wave wave, const uint depth, __global const StoredVertex* vertices,
+    const Wave wave, const uint depth, const uint queue, __global const StoredVertex* vertices,
     __global const float* material, __global uint* lobe_counts)
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_FIBRE];
+    const uint n_hits = counts[FURCL_COUNT_HITS + queue];
     const Paths paths = {state, wave.n_slots};
-    __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_FIBRE * wave.n_slots;
+    __global const uint* hit_queue = hit_queues + (size_t)queue * wave.n_slots;
     const Fibre fibre = fibre_of(material);
 #if FURCL_STATISTICS
     uint chosen_times[FURCL_LOBES];

@@ -3,7 +3,7 @@
 #include "fibre/sampler.clh"
 #include "geometry/fibre_hits.clh"
 #if FURCL_LIGHT_SAMPLING
-#include <light>
+#include "light/lights.clh"
 #endif
 
 /* The point on the axis and the radius (w) where a path met a fibre. */
@@ -19,15 +19,19 @@ static inline float4 point_on_fibre(Paths paths, uint slot, __global const Store
    (docs/model.md, Light samples). */
 static inline void add_light_sample(
     Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
-    __global const float* light, float4 xi, float3 sampler_xi)
+    __global const float* light, float4 xi, float4 choice, float3 sampler_xi)
 {
-    const LightSample sample = light_sample(light, at.xyz, xi.xy);
+    const ChosenLight chosen = choose_light(light, at.xyz, xi.xy, choice);
+    const LightSample sample = chosen.sample;
     const float3 w = frame_angles(frame, sample.direction);
     bounce->light_direction = sample.direction;
     bounce->light_distance = sample.distance;
+#if FURCL_AREA_LAMPS
+    bounce->light_lamp = chosen.lamp;
+#endif
     const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi);
     bounce->light = sample.pdf > 0.0f
-        ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(towards.pdf))
+        ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
         : spectrum(0.0f);
 }
 #endif
@@ -58,20 +62,21 @@ static inline Bounce scatter_at_fibre(
 
    reads    state: DIR, HIT_*, LOBE, OFFSET_H, JOINT, THROUGHPUT; vertices, material, light
    writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
-   over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
+   over     the hit queue of its material, of number `queue`, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
 __kernel void shade(
     __global float* state, __global const uint* hit_queues, __global uint* next_queue,
     __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
-    __global const StoredVertex* vertices, __global const float* material, __global const float* light
+    const uint queue, __global const StoredVertex* vertices, __global const float* material,
+    __global const float* light
 #if FURCL_LEARNING
     , __global const float* table, __global uint* records
 #endif
     )
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_FIBRE];
+    const uint n_hits = counts[FURCL_COUNT_HITS + queue];
     const Paths paths = {state, wave.n_slots};
-    __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_FIBRE * wave.n_slots;
+    __global const uint* hit_queue = hit_queues + (size_t)queue * wave.n_slots;
     const Fibre fibre = fibre_of(material);
 #if FURCL_LEARNING
     const Learned learned = learned_of(table, records, &wave);
@@ -87,23 +92,33 @@ __kernel void shade(
         const Lanes4 light_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
                                               bounce_dimension(depth, DIM_LIGHT));
 #endif
+        /* Of roulette and, for light samples of lobes whose h it draws, of the sampler. */
+        bool needed = roulette_plays(&wave, depth);
+#if FURCL_LIGHT_SAMPLING && (FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI)
+        needed = true;
+#endif
+        Lanes4 ending_xi = {0.0f, 0.0f, 0.0f, 0.0f};
+        if (needed)
+            ending_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
+                                      bounce_dimension(depth, DIM_ROULETTE));
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
-            const uint pixel = uint_lane(&hits.pixel, k), sample = uint_lane(&hits.sample, k);
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
             const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
             const float4 at = point_on_fibre(paths, slot, vertices);
             Bounce bounce =
                 scatter_at_fibre(paths, slot, &frame, &fibre, &in, at, lane4(&hits.xi, k));
 #if FURCL_LIGHT_SAMPLING
-            float3 sampler_xi = (float3)(0.0f);
-#if FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI
-            sampler_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_ROULETTE)).yzw;
+            float4 choice = (float4)(0.0f);
+#if FURCL_LAMPS
+            choice = light_choice_numbers(wave.seed, uint_lane(&hits.pixel, k),
+                                          uint_lane(&hits.sample, k), depth);
 #endif
-            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), sampler_xi);
+            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
+                             lane4(&ending_xi, k).yzw);
 #endif
-            const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce
+            const PathQueues to = continue_path(paths, slot, lane(&ending_xi.x, k), &wave, depth, &bounce
 #if FURCL_LEARNING
                 , &learned
 #endif

@@ -1,11 +1,11 @@
-/* Stage 3. Light found by rays that met nothing.
+/* Stage 3. Light found by rays that met nothing or a lamp.
 
-   reads    state: ORIGIN, DIR, THROUGHPUT, DIR_PDF; light
+   reads    state: ORIGIN, DIR, THROUGHPUT, DIR_PDF, of lamps HIT_*; light
    writes   state: RADIANCE; the paths end here
    over     the miss queue, FURCL_PATHS_PER_ITEM a work-item
    next     film */
 #include "core/paths.clh"
-#include <light>
+#include "light/lights.clh"
 #if FURCL_LEARNING
 #include <learning>
 #endif
@@ -23,13 +23,20 @@ __kernel void shade_escaped(
     for (uint k = 0; k < FURCL_PATHS_PER_ITEM && queue_entry(k) < n_misses; k++) {
         const uint slot = queued_slot(paths, miss_queue, queue_entry(k));
         const float3 direction = path_float3(paths, PS_DIR, slot);
-        Spectrum radiance = spectrum_from3(light_radiance(light, direction));
+        const float3 origin = path_float3(paths, PS_ORIGIN, slot);
+        float pdf = 0.0f;
 #if FURCL_LIGHT_SAMPLING
-        /* Balance heuristic against the light sample of the vertex before; camera rays have none. */
-        const float pdf = path_float(paths, PS_DIR_PDF, slot);
-        if (pdf > 0.0f)
-            radiance *= pdf / (pdf + light_density(light, path_float3(paths, PS_ORIGIN, slot), direction));
+        pdf = path_float(paths, PS_DIR_PDF, slot);
 #endif
+        float3 found;
+#if FURCL_AREA_LAMPS
+        if (path_uint(paths, PS_HIT_SEGMENT, slot) == FURCL_LAMP_HIT)
+            found = radiance_of_lamp(light, (uint)path_float(paths, PS_HIT_U, slot),
+                                     path_float(paths, PS_HIT_T, slot), origin, direction, pdf);
+        else
+#endif
+            found = radiance_from_infinity(light, origin, direction, pdf);
+        const Spectrum radiance = spectrum_from3(found);
 #if FURCL_LEARNING
         if (wave.recording) {
             const Learned learned = {0, records, wave.n_slots};

@@ -3,11 +3,11 @@
 #include <surface>
 #include "surface/diffuse.clh"
 #if FURCL_LIGHT_SAMPLING
-#include <light>
+#include "light/lights.clh"
 #endif
 
 static inline Bounce scatter_at_surface(
-    const SurfacePoint* at, __global const float* light, float4 xi, float4 light_xi)
+    const SurfacePoint* at, __global const float* light, float4 xi, float4 light_xi, float4 choice)
 {
     Bounce bounce;
     float pdf;
@@ -17,12 +17,16 @@ static inline Bounce scatter_at_surface(
     bounce.weight = at->albedo;
 #if FURCL_LIGHT_SAMPLING
     bounce.pdf = pdf;
-    const LightSample sample = light_sample(light, at->position, light_xi.xy);
+    const ChosenLight chosen = choose_light(light, at->position, light_xi.xy, choice);
+    const LightSample sample = chosen.sample;
     bounce.light_direction = sample.direction;
     bounce.light_distance = sample.distance;
+#if FURCL_AREA_LAMPS
+    bounce.light_lamp = chosen.lamp;
+#endif
     const float towards = diffuse_pdf(at->normal, sample.direction);
     bounce.light = towards > 0.0f && sample.pdf > 0.0f
-        ? at->albedo * towards / (rival_density(towards) + sample.pdf) * spectrum_from3(sample.radiance)
+        ? at->albedo * towards / (rival_density(&chosen, towards) + sample.pdf) * spectrum_from3(sample.radiance)
         : spectrum(0.0f);
 #endif
     return bounce;
@@ -32,7 +36,7 @@ static inline Bounce scatter_at_surface(
 
    reads    state: ORIGIN, DIR, HIT_T, THROUGHPUT; light
    writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
-   over     the material's hit queue, FURCL_PATHS_PER_ITEM a work-item
+   over     the last hit queue, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
 __kernel void shade_surface(
     __global float* state, __global const uint* hit_queues, __global uint* next_queue,
@@ -43,9 +47,9 @@ __kernel void shade_surface(
 #endif
     )
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_MATERIAL_SURFACE];
+    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_FIBRES];
     const Paths paths = {state, wave.n_slots};
-    __global const uint* hit_queue = hit_queues + (size_t)FURCL_MATERIAL_SURFACE * wave.n_slots;
+    __global const uint* hit_queue = hit_queues + (size_t)FURCL_FIBRES * wave.n_slots;
 #if FURCL_LEARNING
     const Learned learned = learned_of(table, records, &wave);
 #endif
@@ -59,12 +63,19 @@ __kernel void shade_surface(
             path_float(paths, PS_HIT_T, slot));
         const float4 xi =
             uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_DIRECTION));
-        float4 light_xi = (float4)(0.0f);
+        float4 light_xi = (float4)(0.0f), choice = (float4)(0.0f);
 #if FURCL_LIGHT_SAMPLING
+#if FURCL_LAMPS
+        choice = light_choice_numbers(wave.seed, p.index, p.sample, depth);
+#endif
         light_xi = uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
 #endif
-        const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi);
-        const PathQueues to = continue_path(paths, slot, p.index, p.sample, &wave, depth, &bounce
+        const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi, choice);
+        float ending_xi = 0.0f;
+        if (roulette_plays(&wave, depth))
+            ending_xi =
+                uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_ROULETTE)).x;
+        const PathQueues to = continue_path(paths, slot, ending_xi, &wave, depth, &bounce
 #if FURCL_LEARNING
             , &learned
 #endif

@@ -10,15 +10,15 @@ Proofs: tests/test_medulla.py holds the tables against an analog walk that share
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-import logging
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from furcl import cache as cache_files
 from furcl.cdf import inclusive_cdf
 from furcl.device.choice import Device
 from furcl.device.source import kernel_text
@@ -38,10 +38,7 @@ from furcl.fibre.double_cylinder.medulla_walk import (
     worst_errors,
 )
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.files import write_cache
 from furcl.paths import cache_folder
-
-log = logging.getLogger(__name__)
 
 FORMAT_VERSION = 1
 DEFAULT_SEED = 1
@@ -254,26 +251,29 @@ def _profiles(arrays: dict[str, np.ndarray]) -> MedullaProfiles:
 def cache_path(content: dict[str, Any]) -> Path:
     """The file for tables that are made from `content` (plain values)."""
     text = json.dumps(content, sort_keys=True)
-    return cache_folder() / "medulla" / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
+    return cache_folder() / "medulla" / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.tables"
 
 
 def load_cached(path: Path, shapes: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray] | None:
     """The arrays of a file, or None if it is absent, damaged or not of these shapes."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except (FileNotFoundError, NotADirectoryError):
+    content = cache_files.load(path)
+    if content is None:
         return None
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        log.warning("%s: damaged cache file (%s); building it anew", path, error)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except Exception as error:  # whatever zip, numpy and Python's parser raise
+        cache_files.refuse(path, error)
         return None
     found = {name: array.shape for name, array in arrays.items()}
     if found != shapes or not all(np.isfinite(a).all() for a in arrays.values()):
-        log.warning("%s: cache file with other content; building it anew", path)
+        cache_files.refuse(path, "its tables are others")
         return None
     return arrays
 
 
 def store_cached(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Write a file; see furcl.files.write_cache."""
-    write_cache(path, lambda file: np.savez(file, **arrays))  # pyright: ignore[reportArgumentType]
+    """Write a file; see furcl.cache.store."""
+    file = io.BytesIO()
+    np.savez(file, **arrays)  # pyright: ignore[reportArgumentType]
+    cache_files.store(path, file.getvalue())

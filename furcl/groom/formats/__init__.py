@@ -9,8 +9,8 @@ from typing import BinaryIO
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.files import atomic_path, named
-from furcl.groom.curves import Curves
+from furcl.files import atomic_path, check_regular, named
+from furcl.groom.curves import Curves, adopted
 from furcl.groom.formats.npz import read_npz, write_npz
 from furcl.groom.formats.yuksel_hair import read_hair, write_hair
 from furcl.values import is_number, shown
@@ -90,6 +90,7 @@ def load_curves(
             )
     read = READERS[_suffix(path, READERS, "reads")]
     try:
+        check_regular(path)
         curves = read(path, default_radius)
     except OSError as error:
         raise GroomError(
@@ -104,20 +105,22 @@ def load_curves(
         return curves
     with np.errstate(over="ignore", under="ignore"):
         radii = curves.radii * np.float32(radius_scale)
-    return Curves.from_arrays(
+    return adopted(
         curves.points,
         radii,
         curves.offsets,
         source=f"{path} (radius_scale = {radius_scale:g})",
-        colours=curves.colours,
         dropped=curves.dropped,
+        attributes=curves.attributes,
+        ignored=curves.ignored,
     )
 
 
 def save_curves(curves: Curves, path: str | os.PathLike[str]) -> None:
     """Write a groom to a .hair or .npz file; the file appears whole or not at all.
 
-    Reading it again gives the same points, radii, offsets and colours, bit for bit.
+    Reading it again gives the same points, radii, offsets and attributes, bit for bit. A .hair file
+    keeps colours only, one a point; what it has no place for is named in the log.
 
     Raises
     ------

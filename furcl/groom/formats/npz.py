@@ -1,4 +1,4 @@
-"""Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, colours."""
+"""Grooms in numpy's .npz: the arrays points, radii or radius, offsets or counts, and attributes."""
 
 import math
 import zipfile
@@ -9,22 +9,24 @@ import numpy as np
 from numpy.lib import format as npy
 
 from furcl.errors import GroomError
-from furcl.groom.curves import ADVICE, Curves
+from furcl.groom.attributes import RESERVED, value_rows
+from furcl.groom.curves import ADVICE, Curves, adopted
 from furcl.memory import require_memory
 from furcl.values import shown
 
-MEMBERS = ("points", "radii", "radius", "offsets", "counts", "colours")
 # deflate cannot pack tighter, so a member that claims more is lying.
 MAX_DEFLATE_RATIO = 1032
 
 
 def read_npz(path: Path, default_radius: float | None = None) -> Curves:
-    """Read an .npz groom. Members with other names are ignored; nothing is ever unpickled.
+    """Read an .npz groom. Nothing is ever unpickled.
 
     points (N, 3); radii (N,) or a scalar, also under the name radius; offsets (S + 1,) or
-    counts (S,), any integers; colours (N, 3), optional. Or points (S, K, 3), S strands of K, with
-    radii (S, K) or a scalar and no offsets or counts. The sizes of arrays that their headers claim
-    are compared with the file and with the memory before anything is allocated.
+    counts (S,), any integers. Or points (S, K, 3), S strands of K, with radii (S, K) or a scalar
+    and no offsets or counts. Numbers under other names are attributes where they have a value, or
+    three, for each point or strand (furcl.groom.attributes); other members are not read, and named
+    in `Curves.ignored`. The sizes of arrays that their headers claim are compared with the file and
+    with the memory before anything is allocated.
 
     Parameters
     ----------
@@ -37,10 +39,17 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
     """
     try:
         with zipfile.ZipFile(path) as archive:
+            members = archive.namelist()
             arrays = {
                 name: _read_member(archive, name, path)
-                for name in MEMBERS
-                if f"{name}.npy" in archive.namelist()
+                for name in RESERVED
+                if f"{name}.npy" in members
+            }
+            others = [name for name in members if name.removesuffix(".npy") not in arrays]
+            fitting = [name for name in others if _is_attribute(archive, name, arrays)]
+            attributes = {
+                name.removesuffix(".npy"): _read_member(archive, name.removesuffix(".npy"), path)
+                for name in fitting
             }
     except (GroomError, OSError):
         raise
@@ -54,21 +63,44 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
             f"{path}: no array 'points'; expected points (N, 3), radii (N,) or scalar, and "
             "offsets (S+1,) or counts (S,). Save them under these names with numpy.savez."
         )
-    return Curves.from_arrays(
+    return adopted(
         arrays["points"],
         _radii(arrays, default_radius, path),
         _offsets(arrays, path),
         source=str(path),
-        colours=arrays.get("colours"),
+        attributes=attributes,
+        ignored=[name.removesuffix(".npy") for name in others if name not in fitting],
     )
 
 
 def write_npz(curves: Curves, file: BinaryIO, path: Path) -> None:
-    """Write points, radii, offsets and, if there are any, colours to an open binary file."""
+    """Write points, radii, offsets and attributes to an open binary file."""
     arrays = {"points": curves.points, "radii": curves.radii, "offsets": curves.offsets}
-    if curves.colours is not None:
-        arrays["colours"] = curves.colours
-    np.savez(file, allow_pickle=False, **arrays)
+    np.savez(file, allow_pickle=False, **arrays, **curves.attributes)
+
+
+def _is_attribute(archive, member, arrays):
+    """Whether a member holds numbers for each point or strand; `colours` always wants to be one."""
+    points = arrays.get("points")
+    if points is None or not member.endswith(".npy"):
+        return False
+    if member == "colours.npy":
+        return True
+    try:
+        with archive.open(member) as file:
+            shape, dtype = _read_header(file)
+    except Exception:  # of whatever it is, it is no array of numbers
+        return False
+    grid = points.shape[:2] if points.ndim == 3 else None
+    counts, offsets = arrays.get("counts"), arrays.get("offsets")
+    n_strands = (
+        grid[0] if grid
+        else len(np.atleast_1d(counts)) if counts is not None
+        else max(np.size(offsets) - 1, 0)
+    )  # fmt: skip
+    n_points = math.prod(grid) if grid else len(np.atleast_1d(points))
+    rows = value_rows(shape, n_strands, n_points, grid)
+    return dtype.kind in "fiub" and rows is not None
 
 
 def _read_member(archive, name, path):

@@ -5,14 +5,17 @@ A header of 128 bytes, then the arrays that its flags announce: segments per str
 has one value for all strands in the header.
 """
 
+import logging
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.groom.curves import ADVICE, Curves
+from furcl.groom.curves import ADVICE, Curves, adopted
 from furcl.memory import require_memory
+
+log = logging.getLogger(__name__)
 
 HEADER = np.dtype(
     [
@@ -67,15 +70,14 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
         if sizes["colours"]:
             colours = _read(file, "<f4", 3 * n_points, path).reshape(n_points, 3)
     dropped = {"transparency_values": n_points if sizes["transparency"] else 0}
-    return Curves.from_arrays(
-        points, radii, offsets, source=str(path), colours=colours, dropped=dropped
-    )
+    return adopted(points, radii, offsets, source=str(path), colours=colours, dropped=dropped)
 
 
 def write_hair(curves: Curves, file: BinaryIO, path: Path) -> None:
     """Write a .hair file to an open binary file; `path` is named in messages.
 
-    Counts and thicknesses that are the same everywhere go to the header's defaults.
+    Counts and thicknesses that are the same everywhere go to the header's defaults. Colours of
+    strands become those of their points; of other attributes the log says that they are left out.
 
     Raises
     ------
@@ -108,7 +110,13 @@ def write_hair(curves: Curves, file: BinaryIO, path: Path) -> None:
     if tapered:
         (curves.radii * np.float32(2.0)).astype("<f4", copy=False).tofile(file)
     if curves.colours is not None:
-        curves.colours.astype("<f4", copy=False).tofile(file)
+        colours = curves.colours
+        if len(colours) == curves.n_strands:
+            colours = np.repeat(colours, np.diff(curves.offsets), axis=0)
+        colours.astype("<f4", copy=False).tofile(file)
+    others = [name for name in curves.attributes if name != "colours"]
+    if others:
+        log.warning("%s: .hair has no place for %s; write .npz to keep it", path, ", ".join(others))
 
 
 def _read_header(file, path):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.groom.curves import Curves
+from furcl.groom.curves import Curves, adopted
 from furcl.groom.grow import strands
 from furcl.groom.grow.locks import Clumps, Rng
 from furcl.groom.grow.nearest import nearest
@@ -148,7 +148,7 @@ def fur(
     widths = rng.uniform(1.0 - radius_variation, 1.0 + radius_variation, n_strands)
     widths = strands.float32(radius * widths * np.where(under, undercoat_radius, 1.0))
     radii = strands.tapered_radii(n_points, widths, tip_radius, power=1.5)
-    return Curves.from_arrays(points, radii, source="fur")
+    return adopted(points, radii, source="fur")
 
 
 @dataclass(frozen=True)

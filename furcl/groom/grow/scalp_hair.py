@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import GroomError
-from furcl.groom.curves import Curves
+from furcl.groom.curves import Curves, adopted
 from furcl.groom.grow import strands
 from furcl.groom.grow.locks import Clumps, Rng, Waves
 from furcl.groom.grow.nearest import nearest
@@ -146,7 +146,7 @@ def hair(
         points[own] = block.transpose(2, 0, 1)
 
     radii = strands.tapered_radii(k, strands.float32(radius * widths), tip_radius, power=3.0)
-    return Curves.from_arrays(points, radii, source="hair")
+    return adopted(points, radii, source="hair")
 
 
 def _column(values) -> Block:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from furcl.groom.curves import Curves
+from furcl.groom.curves import Curves, adopted
 from furcl.groom.grow.ranges import FIBRE_RANGES, check
 
 
@@ -40,4 +40,4 @@ def fibre(
     points = np.tile(np.asarray(centre, dtype=np.float64), (count, n_points, 1))
     points[:, :, along] += length * np.linspace(-0.5, 0.5, n_points)
     points[:, :, (along + 1) % 3] += spacing * (np.arange(count) - (count - 1) / 2.0)[:, None]
-    return Curves.from_arrays(points, radius, source="fibre")
+    return adopted(points, radius, source="fibre")
