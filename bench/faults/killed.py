@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pty
 import shutil
 import signal
 import subprocess
@@ -159,10 +160,28 @@ def _after_a_signal(folder: Path, quick: bool) -> str:
     return f"stopped at {done} samples a pixel, went on to {spp}: the same bits"
 
 
+def _terminal_closed(folder: Path, quick: bool) -> str:
+    """A terminal that goes away: SIGHUP, and a progress bar that nothing can be written to."""
+    command = [*FURCL, "render", "single_fibre", "--size", "64x64", "--spp", "1000000", "-o"]
+    child, terminal = pty.fork()
+    if child == 0:
+        os.execve(command[0], [*command, str(folder / "a.exr")], environment())
+    said = b""
+    while b"samples/s" not in said:
+        said += os.read(terminal, 1 << 16)
+    os.close(terminal)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    assert code == 129, f"ended with {code}"
+    left = sorted(path.name for path in folder.iterdir())
+    assert left == ["a.checkpoint", "a.exr", "a.png"], f"left: {left}"
+    return f"code {code}, {Image.load(folder / 'a.exr').stats['spp']} samples a pixel are written"
+
+
 CASES = [
     Case("renders killed at every moment", _renders),
     Case("convergence runs killed at every moment", _convergence),
     Case("SIGTERM, and going on", _after_a_signal),
+    Case("a terminal that is closed", _terminal_closed),
     *(
         Case(f"{words} removed under way", partial(_caches_removed, name))
         for words, name in (("furcl cache", "FURCL_CACHE_DIR"), ("PoCL cache", "POCL_CACHE_DIR"))
