@@ -263,17 +263,19 @@ def test_what_another_device_passed_is_not_believed(
     assert runs.read_text().count("run") == 3
 
 
-def test_modules_of_the_working_folder_are_not_run(tmp_path: Path) -> None:
+@pytest.mark.parametrize("start", ["furcl", "-m"])
+def test_modules_of_the_working_folder_are_not_run(start: str, tmp_path: Path) -> None:
     """A scene's folder may hold a numpy.py; the self-test runs in a process of its own."""
     for name in ("numpy", "pyopencl", "json"):
         (tmp_path / f"{name}.py").write_text("open('ran', 'w').close()\nraise SystemExit(5)\n")
-    command = Path(sys.executable).with_name("furcl")
+    script, module = Path(sys.executable).with_name("furcl"), [sys.executable, "-m", "furcl"]
+    command = [str(script)] if start == "furcl" else module
     environment = {
         **os.environ,
         "FURCL_CACHE_DIR": str(tmp_path / "cache"),
         "PYTHONPATH": str(Path(furcl.__file__).parents[1]),
     }
-    done = subprocess.run([command, "devices"], cwd=tmp_path, env=environment, capture_output=True)
+    done = subprocess.run([*command, "devices"], cwd=tmp_path, env=environment, capture_output=True)
     assert done.returncode == 0
     assert list((tmp_path / "cache" / "selftest").iterdir())
     assert not (tmp_path / "ran").exists()

@@ -37,6 +37,10 @@ _EXPLANATIONS = (
         'Executable "ld" doesn\'t exist',
         "it needs the linker ld, which no folder of PATH holds: the package binutils has it",
     ),
+    (
+        "No space left on device",
+        "a disk is full, of its cache or temporary folder: make room, or set POCL_CACHE_DIR",
+    ),
     ("OUT_OF_HOST_MEMORY", "it ran out of memory"),
     ("COMPILER_NOT_AVAILABLE", "it comes without a compiler"),
     ("INVALID_DEVICE", "it no longer exists"),

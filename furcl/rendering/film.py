@@ -76,7 +76,8 @@ class Film:
         samples : (height, width) uint32
         """
         shape = (self.height, self.width)
-        mean, variance = (np.empty((*shape, 3), np.float32) for _ in range(2))
+        # Channels in one piece each, as files want them: they are written without a copy.
+        mean, variance = (np.moveaxis(np.empty((3, *shape), np.float32), 0, 2) for _ in range(2))
         samples = memory.read(self.n_samples, shape, np.uint32)
         for rows in strips(*shape):
             mean[rows], variance[rows] = self._read_rows(memory, rows, samples[rows])
