@@ -52,6 +52,9 @@ of `[curves]`, which is the short form of one. Its fibre is `[groom.NAME.fibre]`
 names, `[material.NAME]` with the keys of `[fibre]`, or the scene's `[fibre]`. A list, `[[groom]]`
 with a key `name`, is read as well.
 
+Several cameras are a list, `[[camera]]` with a key `name`, or tables `[cameras.NAME]`;
+`film.camera`, `--camera NAME` on the command line, says which one sees the picture.
+
 Where a key says of which kind its table is (`fibre.model`, `environment.kind`, `curves.generator`),
 changing the kind takes the table's other keys away, since they belong to the former kind; those
 that the same command gives, before it or after it, are kept. Text needs no quotes there.
@@ -233,6 +236,9 @@ def _kind(hint: Any) -> str:
     for part in map(_bare, _parts(hint)):
         if typing.get_origin(part) is tuple:
             inner = typing.get_args(part)
+            if inner[-1] is Ellipsis:
+                words.append(f"list of {_kind(inner[0])}s".replace("texts", "words"))
+                continue
             if typing.get_origin(inner[0]) is tuple:
                 words.append(f"{len(inner)} rows of {_kind(inner[0])}")
                 continue
@@ -244,9 +250,8 @@ def _kind(hint: Any) -> str:
 
 def _range(hint: Any, allowed: tuple[Any, ...]) -> tuple[str, Limits | None]:
     """What values are allowed, in words and as limits; `allowed` where the type does not say."""
-    choices = [
-        w for p in _parts(hint) if typing.get_origin(p) is Literal for w in typing.get_args(p)
-    ]
+    each = [typing.get_args(p)[0] if Ellipsis in typing.get_args(p) else p for p in _parts(hint)]
+    choices = [w for p in each if typing.get_origin(p) is Literal for w in typing.get_args(p)]
     choices = choices or [word for word in allowed if isinstance(word, str)]
     if choices:
         return ", ".join(f"`{word}`" for word in choices), None

@@ -290,3 +290,33 @@ def test_the_extra_holds_the_modules_that_messages_say_it_holds() -> None:
     wanted = [line for line in importlib.metadata.requires("furcl") or [] if "'report'" in line]
     names = {re.split(r"[^\w-]", line, maxsplit=1)[0].replace("-", "_") for line in wanted}
     assert names == set(cli.REPORT_MODULES)
+
+
+def test_a_turntable_is_written_frame_by_frame(scene, tmp_path):
+    arguments = ["render", scene, "--size", "8x6", "--spp", "1", "--frames", "8:11"]
+    arguments += ["--orbit", "360", "-o", tmp_path / "turn.###.exr"]
+    assert run(*arguments, "--stats", tmp_path / "#.json") == 0
+    for frame in ("008", "009", "010"):
+        assert Image.load(tmp_path / f"turn.{frame}.exr").stats["frame"] == int(frame)
+        assert (tmp_path / f"turn.{frame}.png").exists()
+    assert json.loads((tmp_path / "10.json").read_text())["frame"] == 10
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--frames", "0:3", "-o", "a.#.exr"], "give both"),
+        (["--orbit", "90", "-o", "a.#.exr"], "give both"),
+        (["--frames", "0:3", "--orbit", "90", "-o", "a.exr"], "must hold #"),
+        (["--frames", "0:3", "--orbit", "9", "-o", "#.exr", "--stats", "s"], "must hold #"),
+        (["-o", "a.#.exr"], "must not hold #"),
+        (["--frames", "3:0", "--orbit", "90", "-o", "a.#.exr"], "expected FIRST:END"),
+    ],
+)
+def test_options_of_a_turntable_that_do_not_go_together(
+    scene, tmp_path, monkeypatch, capsys, options, words
+):
+    monkeypatch.chdir(tmp_path)
+    assert run("render", scene, *options) == 2
+    assert words in " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().err).split())
+    assert not list(tmp_path.glob("*.exr"))

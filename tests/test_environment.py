@@ -164,7 +164,7 @@ def test_samples_follow_the_pdf(name, factor, rng):
     environment = make_environment(name)
     dirs = environment.sample(ANYWHERE, rng.random((N_SAMPLES, 2))).directions
     bins = SphereBins(12, 24)
-    expected = bins.integrals(partial(environment.pdf, ANYWHERE), 48) * N_SAMPLES * factor
+    expected = bins.integrals(partial(environment.pdf, ANYWHERE), 96) * N_SAMPLES * factor
     p = chi_square_p(bins.counts(dirs), expected)
     assert (p >= sidak(len(ENVIRONMENTS))) == (factor == 1.0), f"p = {p:.3g}"
 

@@ -87,7 +87,7 @@ def test_samples_follow_the_hosts_pdf(device, name, factor, rng):
     u = (rng.integers(0, 1 << 24, (N_SAMPLES, 2)) / (1 << 24)).astype(np.float32)
     dirs = light_kernels.sample(device, environment, ANYWHERE, u).directions
     bins = SphereBins(12, 24)
-    expected = bins.integrals(partial(environment.pdf, ANYWHERE), 48) * N_SAMPLES * factor
+    expected = bins.integrals(partial(environment.pdf, ANYWHERE), 96) * N_SAMPLES * factor
     p = chi_square_p(bins.counts(dirs.astype(np.float64)), expected)
     assert (p >= sidak(len(ENVIRONMENTS))) == (factor == 1.0), f"p = {p:.3g}"
 

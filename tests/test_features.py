@@ -13,7 +13,7 @@ from scene_documents import fur_patch
 from furcl.bench import features as bench
 from furcl.device import program
 from furcl.device.features import Features
-from furcl.device.layout import ABSORPTIONS, FILTERS, SEQUENCES
+from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, SEQUENCES
 from furcl.device.source import kernel_text
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
@@ -23,6 +23,7 @@ from furcl.groom.curves import Curves
 from furcl.light import kinds as lights
 from furcl.light.lamps.layout import KINDS, LampsPart
 from furcl.paths import scene_folder
+from furcl.rendering.layers import LayerPart
 from furcl.rendering.learning import LearningPart
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
@@ -30,6 +31,9 @@ from furcl.rendering.specialise import everything_on
 from furcl.rendering.wavefront import stage_defines, stage_files
 from furcl.scene.read import load_scene, with_overrides
 from furcl.surface.ellipsoid import PART
+from furcl.surface.mesh.mesh import MeshPart
+
+EVERY_LAYER = LayerPart(LAYERS, tuple(lobe.name for lobe in MODEL.lobes))
 
 # Every field of Features and of the fibre's, and the values that scenes can give it.
 FIBRE_VALUES = {
@@ -59,12 +63,17 @@ VALUES = {
     "light_sampling": (False, True),
     "point_radii": (False, True),
     "surface": (None, PART),
+    "meshes": (None, *(MeshPart(*flags) for flags in itertools.product((False, True), repeat=3))),
     "lens": (False, True),
+    "orthographic": (False, True),
+    "crop": (False, True),
     "filter": FILTERS,
     "sequence": SEQUENCES,
     "roulette": (False, True),
     "shadow_roulette": (False, True),
     "learning": (None, LearningPart()),
+    "layers": (None, EVERY_LAYER, LayerPart(("depth",)), LayerPart(("strand", "indirect"))),
+    "transparent": (False, True),
     "variance": (False, True),
     "planned": (False, True),
     "statistics": (False, True),
@@ -255,11 +264,22 @@ ABSENT = [
     ({"residual": False}, "shade", ("residual_attenuation",)),
     ({"light_sampling": False}, "shade", ("light_sample(", "light_density(")),
     ({"point_radii": False}, "sample_lobe_h", ("typedef float4 StoredVertex",)),
-    ({"surface": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
+    ({"surface": None, "meshes": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
     ({"fibres": 1}, "intersect_closest", ("material_of_vertex(",)),
     ({"absorption": "constant"}, "shade", ("take_absorption(", "mixed_node(", "absorptions")),
     ({"absorption": "point"}, "shade", ("strand_of_vertex(", "popcount")),
+    ({"meshes": None}, "intersect_closest", ("mesh_blocks", "reach", "behind")),
+    ({"meshes": MeshPart(textures=False)}, "shade_surface", ("texture_colour(",)),
+    ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
+    ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
     ({"lens": False}, "generate", ("sin_turn",)),
+    ({"layers": None}, "generate", ("PS_FIRST", "set_path_uint(paths, PS_HIT_SEGMENT")),
+    ({"layers": None}, "shade", ("note_for_layers(", "before_lobe", "PS_FIRST_LIGHT_0")),
+    ({"layers": None}, "shade_surface", ("note_for_layers(", "bounce.first")),
+    ({"layers": None}, "intersect_shadow", ("PS_FIRST_SEEN", "rays.depth")),
+    ({"transparent": False}, "shade_escaped", ("behind",)),
+    ({"crop": False}, "generate", ("p.x += wave->crop_left",)),
+    ({"orthographic": False}, "generate", ("ray.origin += beside",)),
     ({"statistics": False}, "sample_lobe_h", ("atomic_add(lobe_counts",)),
     ({"light": "constant"}, "shade_escaped", ("sky_radiance",)),
     ({"variance": False, "planned": False}, "add_to_film", ("mean_before",)),
@@ -279,8 +299,10 @@ ABSENT = [
 def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
-        "sequence": "sobol", "planned": True, "shadow_roulette": True, "learning": LearningPart(),
-        "fibres": 2, "absorption": "strand",
+        "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
+        "sequence": "sobol", "planned": True, "fibres": 2, "absorption": "strand",
+        "shadow_roulette": True, "learning": LearningPart(),
+        "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:
@@ -290,8 +312,9 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     assert len(gone) < len(there) or changes == {"point_radii": False}
 
 
-def test_a_surface_has_stages_of_its_own(device):
-    with_surface, without = (set(stage_files(_features({"surface": s}))) for s in (PART, None))
+@pytest.mark.parametrize("there", [{"surface": PART}, {"meshes": MeshPart()}])
+def test_surfaces_have_stages_of_their_own(there):
+    with_surface, without = (set(stage_files(_features(values))) for values in (there, {}))
     assert with_surface - without == {"shade_surface"}
 
 

@@ -349,6 +349,36 @@ def test_z_scores_see_a_bias(rng, bias):
     assert z.rms == pytest.approx(1.0, abs=0.03)
 
 
+@pytest.mark.statistical
+@pytest.mark.parametrize("bias", [0.0, 0.1], ids=["true", "mutant"])
+def test_z_of_the_whole_needs_no_variance(rng, bias):
+    """With errors three times below what the pictures say, of 100 pairs; alpha = 0.001 in all."""
+    sigma = np.array([0.1, 0.3, 0.2])
+
+    def whole():
+        a, b = (
+            Image(
+                sigma * rng.normal(size=(16, 16, 3)),
+                np.full((16, 16, 3), 9.0 * sigma**2),
+                stats={"sequence": "sobol"},
+            )
+            for _ in range(2)
+        )
+        found = compare.z_scores(Image(a.rgb + bias, a.variance, stats=a.stats), b)
+        assert found.at_most
+        assert found.rms < 0.8
+        return found.whole
+
+    z = np.array([whole() for _ in range(100)])
+    # a sum of 100 squares of unit normal numbers
+    assert ((z**2).sum() < 149.5) == (bias == 0.0)
+
+
+def test_z_of_independent_samples_is_no_bound(picture):
+    assert not compare.z_scores(picture, picture).at_most
+    assert compare.z_scores(picture, picture).whole == 0.0
+
+
 @pytest.mark.parametrize(
     ("test", "reference", "message"),
     [

@@ -108,6 +108,15 @@ ELEMENTARY = {
         "exp_negative3((float3)(0.0f, x, -1.0f)).y", -np.geomspace(1e-30, 87, 20001),
         np.exp, 4e-7, 0,
     ),
+    "one_minus_exp3": (
+        "one_minus_exp3((float3)(1.0f, x, 0.0f)).y", np.geomspace(1e-30, 200, 20001),
+        lambda x: -np.expm1(-x), 4e-7, 0,
+    ),
+    "bessel_i0e3": (
+        "bessel_i0e3((float3)(1.0f, x, 9.0f)).y",
+        np.concatenate([np.linspace(0, 8, 4001), np.geomspace(1e-6, 1e8, 2001)]),
+        special.i0e, 1e-6, 0,
+    ),
     "exp_negative far out": ("exp_negative(x)", [-87.5, -1e3, -1e30, -np.inf], np.exp, 0, 2e-38),
     "nearest_whole": (
         "nearest_whole(x)", np.concatenate([np.linspace(-20, 20, 801), [4e6, -4194303.5, -0.0]]),

@@ -40,7 +40,7 @@ file = "brows.hair"
 
 @pytest.fixture
 def two(tmp_path):
-    (tmp_path / "brows.hair").touch()
+    (tmp_path / "brows.hair").write_bytes(b"HAIR")
     path = tmp_path / "two.toml"
     path.write_text(TWO)
     return path
@@ -156,3 +156,46 @@ def test_bad_tables_are_refused_by_name(tables, message):
         decode_scene(minimal(**tables), "a.toml")
     assert str(caught.value).startswith("a.toml: ")
     assert message in str(caught.value)
+
+
+CAMERAS = {
+    "camera": [
+        {"name": "front", "azimuth_deg": 0.0},
+        {"name": "side", "azimuth_deg": 90.0, "aperture_radius": 0.1},
+        {"projection": "orthographic"},
+    ]
+}
+
+
+@pytest.mark.parametrize(("chosen", "azimuth"), [(None, 0.0), ("front", 0.0), ("side", 90.0)])
+def test_one_of_several_cameras_is_chosen_by_name(chosen, azimuth):
+    scene = with_overrides(decode_scene(minimal(**CAMERAS)), camera=chosen)
+    assert list(scene.cameras) == ["front", "side", "camera3"]
+    assert scene.chosen_camera.azimuth_deg == azimuth
+    assert with_overrides(scene, spp=3).chosen_camera == scene.chosen_camera
+    alone = scene.seen_by(scene.chosen_camera)
+    assert with_overrides(alone, spp=3).chosen_camera == scene.chosen_camera
+
+
+def test_values_of_a_named_camera_are_replaced():
+    scene = with_overrides(decode_scene(minimal(**CAMERAS)), ["cameras.side.vfov_deg=5"])
+    assert scene.cameras["side"].vfov_deg == 5.0
+
+
+@pytest.mark.parametrize(
+    ("tables", "overrides", "words"),
+    [
+        (CAMERAS, ["film.camera=back"], r"film\.camera = 'back'.*known: front, side, camera3"),
+        ({}, ["film.camera=front"], r"film\.camera = 'front'.*known: none"),
+        (CAMERAS, ["camera.vfov_deg=5"], r"camera is given beside cameras\.front"),
+        (
+            {"camera": [{"name": "a"}, {"name": "a"}]},
+            [],
+            r"camera\[1\]\.name = 'a'.*no other camera",
+        ),
+        ({"camera": [{"name": "a", "vfov": 3}]}, [], r"unknown key cameras\.a\.vfov.*vfov_deg"),
+    ],
+)
+def test_cameras_that_are_not_clear_are_refused(tables, overrides, words):
+    with pytest.raises(SceneError, match=words):
+        with_overrides(decode_scene(minimal(**tables)), overrides)

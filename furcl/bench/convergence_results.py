@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -50,7 +49,9 @@ def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
         if path.is_relative_to(Path.cwd()):
             table[keys[-1]] = str(path.relative_to(Path.cwd()))
     distances = np.linalg.norm(curves.points - np.asarray(camera.origin), axis=1)
-    pixel = 2.0 * math.tan(0.5 * math.radians(camera.vfov_deg)) / scene.film.height
+    if camera.orthographic:
+        distances = np.ones_like(distances)
+    pixel = 2.0 * camera.half_height / scene.film.height
     return {
         "width": scene.film.width,
         "height": scene.film.height,

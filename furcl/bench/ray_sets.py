@@ -80,16 +80,12 @@ def _unit(v):
 
 
 def _primary(camera: Camera, size: int, rng):
-    origin, right, up, forward = camera.frame()
     tiles, inside = np.arange(size // TILE), np.arange(TILE)
     tile_y, tile_x, y, x = np.meshgrid(tiles, tiles, inside, inside, indexing="ij")
     px = (TILE * tile_x + x).ravel() + rng.random(size * size)
     py = (TILE * tile_y + y).ravel() + rng.random(size * size)
-    slope = np.tan(np.radians(camera.vfov_deg) / 2.0)
-    d = forward + slope * (
-        (2.0 * px / size - 1.0)[:, None] * right + (1.0 - 2.0 * py / size)[:, None] * up
-    )
-    return _pack(np.broadcast_to(origin, d.shape), 0.0), _pack(_unit(d), FAR)
+    origins, directions = camera.rays(px / size, py / size)
+    return _pack(origins, 0.0), _pack(directions, FAR)
 
 
 def _light_points(lo, hi, n, rng):

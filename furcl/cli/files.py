@@ -73,10 +73,18 @@ def compare(
     from furcl.image.compare import compare as distances
     from furcl.image.image import Image
 
-    for name, value in distances(Image.load(image), Image.load(reference)).items():
+    found = distances(Image.load(image), Image.load(reference))
+    at_most = found.get("z", {}).pop("at_most", False)
+    for name, value in found.items():
         parts = value if isinstance(value, dict) else {"": value}
         text = ", ".join(f"{key} {_number(part)}".strip() for key, part in parts.items())
         typer.echo(f"{name:<10} {text}")
+    if at_most:
+        typer.echo(
+            'z: of sequence "sobol" a picture knows an upper bound of its variance, so mean, rms '
+            "and share_above_3 are too small; whole is not. Compare several seeds, or pictures "
+            "with render.sequence=independent"
+        )
 
 
 def _number(value: object) -> str:

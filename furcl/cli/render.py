@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from furcl.cli.console import progress_report
+from furcl.cli.frames import check_frames, render_all
 from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
     SAMPLER_FILE,
@@ -39,6 +40,9 @@ def render(
     ] = None,
     sampler: Annotated[Path | None, SAMPLER_FILE] = None,
     max_depth: Annotated[int | None, typer.Option(help="Longest path, in bounces.")] = None,
+    camera: Annotated[
+        str | None, typer.Option(help="Name of a camera, of a scene with several.")
+    ] = None,
     device: DeviceName = None,
     time_limit: Annotated[
         float | None, typer.Option(help="Stop after so many seconds and write what is there.")
@@ -60,6 +64,14 @@ def render(
         typer.Option(help="Go on from a checkpoint, to the bits of a render that never stopped."),
     ] = None,
     wave_size: WaveSize = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(help="FIRST:END, a turntable's frames; -o then names files as turn.####.exr."),
+    ] = None,
+    orbit: Annotated[
+        float | None,
+        typer.Option(help="Degrees by which the camera goes around the groom in all frames."),
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Render a scene to OpenEXR and PNG."""
@@ -68,6 +80,7 @@ def render(
     from furcl.scene.read import find_scene, load_scene
     from furcl.scene.schema import files_of
 
+    check_frames(frames, orbit, output, stats, checkpoint is not None or resume is not None)
     outputs = Outputs.of(output, stats)
     outputs.check([find_scene(scene), *([sampler] if sampler else [])])
     if sampler:
@@ -82,8 +95,14 @@ def render(
         size=size,
         sampling=sampling,
         max_depth=max_depth,
+        camera=camera,
     )
     outputs.check_apart(files_of(loaded))
+    if frames is not None:
+        limits = {"target_rmse": target_rmse, "target_relmse": target_relmse}
+        options = {"spp": spp, "device": device, "wave_size": wave_size, "time_limit": time_limit}
+        render_all(loaded, frames, orbit or 0.0, output, stats, **options, **limits)
+        return
     with interruptible() as interrupt:
         with progress_report() as report:
 
@@ -111,12 +130,12 @@ def render(
                     resume=resume,
                 )
         outputs.write(image)
-    _tell_what_was_reached(image.stats, loaded.render.spp)
+    tell_what_was_reached(image.stats, loaded.render.spp)
     if interrupt.requested:
         raise interrupt.exit()
 
 
-def _tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
+def tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:
     """Warn of a render that was stopped; log the error that it reached."""
     done = stats.get("spp", spp)
     [(name, target)] = (stats.get("target") or {"rmse": None}).items()

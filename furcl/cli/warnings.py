@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from furcl.groom.curves import Curves
 from furcl.scene.camera import Camera
 from furcl.scene.tables import Scene
+from furcl.surface.mesh.mesh import Meshes
 from furcl.surface.model import Surface
 
 Array = NDArray[np.float64]
@@ -21,18 +22,20 @@ THIN_PX = 1e-3
 LONG_SPP = 1e11  # samples of all pixels: hours on any machine
 
 
-def of_scene(scene: Scene, curves: Curves) -> Iterator[str]:
+def of_scene(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> Iterator[str]:
     """Reasons why the picture may be black, empty, coarse or slow; one sentence each."""
     for name in scene.material.keys() - scene.materials().keys():
         yield f"material {name} is of no groom: no groom names it"
     points = _some(curves)
-    camera = scene.resolved_camera(curves)
+    camera = scene.resolved_camera(curves, meshes)
     lower, upper = (bound.astype(np.float64) for bound in curves.bounds())
     yield from _of_places(lower, upper, points)
     yield from _of_view(scene, camera, points, curves)
     if scene.body is not None:
         yield from _of_body(scene.body, camera, points)
-    samples = scene.film.width * scene.film.height * scene.render.spp
+    if meshes is not None:
+        yield from _of_meshes(meshes, lower, upper)
+    samples = scene.film.window.n_pixels * scene.render.spp
     if samples > LONG_SPP:
         yield f"{samples:.1g} samples of all pixels take hours or days; reduce spp or the film"
 
@@ -60,16 +63,12 @@ def _of_places(lower: Array, upper: Array, points: Array) -> Iterator[str]:
 
 
 def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Iterator[str]:
-    origin, right, up, forward = camera.frame()
-    depth = (points - origin) @ forward
+    x, y, depth = camera.on_film(points, scene.film.aspect)
     in_front = depth > 0.0
-    half = np.tan(np.radians(camera.vfov_deg) / 2.0)
     if not in_front.any():
         yield "the groom is behind the camera; turn the camera, or leave origin and target out"
         return
-    seen, z = points[in_front], depth[in_front]
-    y = (seen - origin) @ up / (half * z)
-    x = (seen - origin) @ right / (half * z * scene.film.aspect)
+    x, y, z = x[in_front], y[in_front], depth[in_front]
     if not ((np.abs(x) < 1.0) & (np.abs(y) < 1.0)).any():
         if x.min() > 1.0 or x.max() < -1.0 or y.min() > 1.0 or y.max() < -1.0:
             yield "the groom is outside the picture; turn the camera, or leave origin out"
@@ -78,7 +77,8 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
     extent = max(float(np.ptp(x)) * scene.film.aspect, float(np.ptp(y))) * height_px
     if extent < SMALL_PX:
         yield f"the groom is {extent:.2g} pixels large in the picture; move the camera closer"
-    radius_px = float(np.median(curves.radii)) / (half * float(np.median(z))) * height_px
+    half = camera.half_height * (1.0 if camera.orthographic else float(np.median(z)))
+    radius_px = float(np.median(curves.radii)) / half * height_px
     if radius_px < THIN_PX:
         yield (
             f"fibres are {2.0 * radius_px:.1g} pixels thick: samples hardly meet them, so the "
@@ -91,3 +91,14 @@ def _of_body(body: Surface, camera: Camera, points: Array) -> Iterator[str]:
         yield "the camera is inside the body, which stops all light; move one of them"
     if body.contains(points).all():
         yield "the whole groom is inside the body, which hides it; make the body smaller"
+
+
+def _of_meshes(meshes: Meshes, lower: Array, upper: Array) -> Iterator[str]:
+    """A mesh in other units, or with another axis up, stands beside the groom."""
+    points = meshes.points()
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    if (low > upper).any() or (high < lower).any():
+        yield (
+            "the meshes and the groom are beside each other: have they other units, or another "
+            "axis that is up? Give the mesh a transform"
+        )

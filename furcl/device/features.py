@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from furcl.device.layout import ABSORPTIONS, FILTERS, SEQUENCES, Fields
+from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, SEQUENCES, Fields
 
 
 class Part(Protocol):
@@ -43,8 +43,8 @@ class Part(Protocol):
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
-    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface> and
-    <learning>; None where a kernel has nothing to do with them, or the scene has none.
+    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface>, <meshes>,
+    <learning> and <layers>; None where a kernel has nothing to do with them, or the scene has none.
 
     Attributes
     ----------
@@ -53,13 +53,18 @@ class Features:
     light : Part or None        the environment, see furcl.light.model
     lamps : Part or None        see furcl.light.lamps
     surface : Part or None      a surface beside the strands, see furcl.surface
+    meshes : Part or None       meshes of triangles, see furcl.surface.mesh
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
+    layers : Part or None       layers of the film, see furcl.rendering.layers
     fibres : int                fibre materials of the scene, each with kernels of its own
     channels : int              3 for RGB, 1 where fibres, surface and light are grey
     absorption : str            one of layout.ABSORPTIONS, of the fibre of a kernel
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
+    orthographic : bool         camera whose rays are parallel
+    crop : bool                 the film holds a window of the picture
+    transparent : bool          camera rays that meet nothing bring no light
     filter : str                one of layout.FILTERS
     sequence : str              of random numbers, one of layout.SEQUENCES
     roulette : bool             Russian roulette within the depth limit
@@ -75,13 +80,18 @@ class Features:
     light: Part | None = None
     lamps: Part | None = None
     surface: Part | None = None
+    meshes: Part | None = None
     learning: Part | None = None
+    layers: Part | None = None
     fibres: int = 1
     channels: int = 3
     absorption: str = "constant"
     light_sampling: bool = False
     point_radii: bool = True
     lens: bool = False
+    orthographic: bool = False
+    crop: bool = False
+    transparent: bool = False
     filter: str = "gaussian"
     sequence: str = "independent"
     roulette: bool = True
@@ -98,9 +108,14 @@ class Features:
         return {name: part for name, part in found.items() if part is not None}
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether there is more to hit than fibres and lamps."""
+        return self.surface is not None or self.meshes is not None
+
+    @property
     def hit_queues(self) -> int:
-        """Queues of hits: one for each fibre material, the last for the surface if there is one."""
-        return self.fibres + (self.surface is not None)
+        """Queues of hits: one for each fibre material, the last for surfaces if there are some."""
+        return self.fibres + self.has_surfaces
 
     @property
     def light_at_infinity(self) -> bool:
@@ -130,14 +145,38 @@ class Features:
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)
+        values["FURCL_MESHES"] = int(self.meshes is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)
         values["FURCL_ENVIRONMENT"] = int(self.light is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
         values["FURCL_SHADOW_DISTANCES"] = int(self.shadow_distances)
-        values |= NO_SAMPLER | NO_LAMPS
+        values |= NO_SAMPLER | NO_LAMPS | NO_MESHES | NO_LAYERS
         for part in self.parts.values():
             values |= part.defines()
+        values["FURCL_LAYERS_OF_LOBES"] = self._layers_of_lobes()
         return values
+
+    @property
+    def lobe_layers(self) -> tuple[str, ...]:
+        """Names of the lobes that have layers of their own."""
+        return getattr(self.layers, "lobes", ())
+
+    @property
+    def light_layers(self) -> bool:
+        """Whether there are layers of scattered light."""
+        return bool(getattr(self.layers, "of_light", False))
+
+    def has_layer(self, *names: str) -> bool:
+        """Whether there is one of these layers."""
+        return any(name in getattr(self.layers, "names", ()) for name in names)
+
+    def _layers_of_lobes(self) -> str:
+        """Four bits for each lobe of the fibre: the number of its layer."""
+        lobes = getattr(getattr(self.fibre, "model", None), "lobes", ())
+        places = [(4 * i, lobe.name) for i, lobe in enumerate(lobes)]
+        index = self.lobe_layers.index
+        word = sum(index(name) << at for at, name in places if name in self.lobe_layers)
+        return f"{word:#x}ul"
 
     def structs(self) -> dict[str, Fields]:
         """Structs of the parts."""
@@ -161,18 +200,34 @@ class Features:
         return ", ".join(f"{name} {value}" for name, value in self.as_dict().items())
 
 
-# What a sampler's part defines, for kernels without one.
+# What a sampler's part defines, for kernels without one; and what other kernels ask of layers.
 NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0}
+NO_LAYERS = {
+    f"FURCL_{name}": 0
+    for name in (
+        "FIRST_HITS",
+        "LIGHT_LAYERS",
+        "SPLIT_DIRECT",
+        "LOBE_LAYERS",
+        *(f"LAYER_{layer.upper()}" for layer in LAYERS),
+    )
+}
+
 
 # What the part of lamps defines, for scenes without any.
 NO_LAMPS = {"FURCL_LAMPS": 0, "FURCL_AREA_LAMPS": 0, "FURCL_LAMP_DISTANT": 0}
 
-PARTS = ("fibre", "sampler", "light", "lamps", "surface", "learning")
+# What the part of meshes defines, for kernels without them.
+NO_MESHES = {"FURCL_MESH_NORMALS": 0, "FURCL_MESH_TEXTURES": 0, "FURCL_MESH_EMISSION": 0}
+
+PARTS = ("fibre", "sampler", "light", "lamps", "surface", "meshes", "learning", "layers")
 PLAIN_NAMES = {
     "fibre": "model",
     "sampler": "sampling",
     "light": "environment",
     "lamps": "lamps",
     "surface": "body",
+    "meshes": "meshes",
     "learning": "learning",
+    "layers": "layers",
 }

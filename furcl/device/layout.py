@@ -24,8 +24,11 @@ Fields = tuple[tuple[str, str], ...]
 NO_SEGMENT = 0xFFFFFFFF
 SURFACE_HIT = 0xFFFFFFFE
 LAMP_HIT = 0xFFFFFFFD
+# Of triangles: this and the number of the first of their vertices. Segments are below.
+TRIANGLE = 0x80000000
 NO_LAMP = 0xFFFFFFFF
 NO_BLOCK = 0xFFFFFFFF
+NOTHING_MET = 0xFFFFFFFF
 
 Filter = Literal["box", "tent", "gaussian"]
 """Pixel filters."""
@@ -34,6 +37,26 @@ FILTERS: tuple[Filter, ...] = get_args(Filter)
 Sequence = Literal["independent", "sobol"]
 """Sequences of random numbers."""
 SEQUENCES: tuple[Sequence, ...] = get_args(Sequence)
+
+Layer = Literal[
+    "alpha",
+    "depth",
+    "position",
+    "normal",
+    "tangent",
+    "strand",
+    "strand_u",
+    "groom",
+    "albedo",
+    "direct",
+    "indirect",
+    "lobes",
+    "samples",
+    "cryptomatte_groom",
+    "cryptomatte_strand",
+]
+"""Layers of the film beside the picture."""
+LAYERS: tuple[Layer, ...] = get_args(Layer)
 
 # Entries of the buffer of queue lengths. Those of the hit queues follow each other: of each fibre
 # material, then of the surface (Features.hit_queues). The counters of chosen lobes are in buffers
@@ -101,9 +124,11 @@ def _constants() -> dict[str, str]:
     words = {
         "NO_SEGMENT": NO_SEGMENT,
         "SURFACE_HIT": SURFACE_HIT,
+        "TRIANGLE": TRIANGLE,
         "LAMP_HIT": LAMP_HIT,
         "NO_LAMP": NO_LAMP,
         "NO_BLOCK": NO_BLOCK,
+        "NOTHING_MET": NOTHING_MET,
         "COUNT_NEXT": COUNT_NEXT,
         "COUNT_MISSES": COUNT_MISSES,
         "COUNT_SHADOWS": COUNT_SHADOWS,
@@ -182,6 +207,10 @@ STRUCTS: dict[str, Fields] = {
         ("roulette_threshold", "float"),  # ... this may end
         ("shadow_threshold", "float"),  # light samples that bring less may be left out
         ("recording", "uint"),  # whether what is learned from is noted
+        ("picture_width", "uint"),  # of the whole picture, of which ...
+        ("picture_height", "uint"),
+        ("crop_left", "uint"),  # ... the film holds a window that begins here
+        ("crop_top", "uint"),
         ("unused", "uint"),
     ),
 }
@@ -221,8 +250,9 @@ def struct_dtype(fields: str | Fields) -> np.dtype:
 class Plane:
     """One field of the path state.
 
-    width is a number of planes or "spectrum" (Features.channels planes); `when` says for which
-    features the field exists at all.
+    width is a number of planes, "spectrum" (Features.channels planes) or "lobes" (a spectrum for
+    each of Features.lobe_layers, NAME_0 and so on); `when` says for which features the field
+    exists at all.
     """
 
     name: str
@@ -233,11 +263,11 @@ class Plane:
 PATH_STATE = (
     Plane("ORIGIN", 3),
     Plane("DIR", 3),  # unit
-    Plane("FROM_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
+    Plane("FROM_SEGMENT", 1),  # uint: segment or triangle that the ray leaves; camera: NO_SEGMENT
     Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
     Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
-    Plane("HIT_T", 1, lambda f: f.surface is not None or f.area_lamps),  # fibres need HIT_U alone
-    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or *_HIT
+    Plane("HIT_T", 1, lambda f: f.has_surfaces or f.area_lamps),  # fibres need HIT_U alone
+    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, TRIANGLE + that, or *_HIT
     Plane("HIT_U", 1),  # along the segment, 0..1; of LAMP_HIT which lamp
     Plane("THROUGHPUT", "spectrum"),
     Plane("RADIANCE", "spectrum"),
@@ -249,6 +279,11 @@ PATH_STATE = (
     Plane("SHADOW_DISTANCE", 1, lambda f: f.light_sampling and f.shadow_distances),
     Plane("SHADOW_LAMP", 1, lambda f: f.light_sampling and f.area_lamps),  # uint, or NO_LAMP
     Plane("SHADOW_RADIANCE", "spectrum", lambda f: f.light_sampling),
+    Plane("FIRST", 1, lambda f: f.light_layers),  # uint: layer of the first scattering, NOTHING_MET
+    Plane("ALBEDO", "spectrum", lambda f: f.has_layer("albedo")),  # weight of the first bounce
+    Plane("DIRECT", "spectrum", lambda f: f.has_layer("direct", "indirect")),  # below 0: RADIANCE
+    Plane("FIRST_LIGHT", "lobes", lambda f: f.has_layer("lobes") and f.light_sampling),
+    Plane("FIRST_SEEN", 1, lambda f: f.has_layer("lobes") and f.light_sampling),  # uint
 )
 
 
@@ -258,11 +293,12 @@ def planes(features: Features) -> list[str]:
     for plane in PATH_STATE:
         if not plane.when(features):
             continue
-        width = features.channels if plane.width == "spectrum" else int(plane.width)
-        if width == 1:
-            names.append(plane.name)
-        else:
-            names += [f"{plane.name}_{axis}" for axis in "XYZ"[:width]]
+        width = features.channels if isinstance(plane.width, str) else plane.width
+        each = [plane.name]
+        if plane.width == "lobes":
+            each = [f"{plane.name}_{i}" for i in range(len(features.lobe_layers))]
+        for name in each:
+            names += [name] if width == 1 else [f"{name}_{axis}" for axis in "XYZ"[:width]]
     return names
 
 

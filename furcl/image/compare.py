@@ -99,16 +99,25 @@ class ZScores:
     mean : float            of z; its standard error is about 1 / sqrt(n) for renders of one truth
     rms : float             of z, about 1
     share_above_3 : float   part with |z| > 3, about 0.003
+    whole : float           z of the whole picture's mean, its error taken from the differences of
+                            the pixels: it needs no variance, only pixels that do not depend on each
+                            other
+    at_most : bool          the variances are upper bounds, as samples of a pixel depend on each
+                            other (sequence "sobol"): mean, rms and share_above_3 come out too
+                            small, and a difference that only they could show may hide; `whole`
+                            does not use them
     """
 
     n: int
     mean: float
     rms: float
     share_above_3: float
+    whole: float
+    at_most: bool
 
 
 def z_scores(test: Image, reference: Image) -> ZScores:
-    """Compare two renders by the variances that they carry.
+    """Compare two renders, with seeds of their own, by the variances that they carry.
 
     Raises
     ------
@@ -125,13 +134,15 @@ def z_scores(test: Image, reference: Image) -> ZScores:
     variance = np.sum(parts, axis=0)
     known = (variance > 0.0) & np.isfinite(variance)
     z = (a - b)[known] / np.sqrt(variance[known])
-    if not z.size:
-        return ZScores(0, 0.0, 0.0, 0.0)
+    of_pixels = (a - b).mean(axis=2)
+    spread = float(np.sqrt(np.sum(of_pixels**2)))
     return ZScores(
-        int(z.size),
-        float(z.mean()),
-        float(np.sqrt(np.mean(z**2))),
-        float(np.mean(np.abs(z) > 3.0)),
+        n=int(z.size),
+        mean=float(z.mean()) if z.size else 0.0,
+        rms=float(np.sqrt(np.mean(z**2))) if z.size else 0.0,
+        share_above_3=float(np.mean(np.abs(z) > 3.0)) if z.size else 0.0,
+        whole=float(of_pixels.sum()) / spread if spread > 0.0 else 0.0,
+        at_most=any(image.stats.get("sequence") == "sobol" for image in (test, reference)),
     )
 
 

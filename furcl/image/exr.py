@@ -16,6 +16,7 @@ from furcl.image.colour import REC709, to_rec709
 from furcl.image.exr_chunks import missing_part, surely_whole
 from furcl.image.exr_decode import decode, decode_apart
 from furcl.image.exr_header import MAGIC, Part, check_claims
+from furcl.image.size import Window
 from furcl.values import shown
 
 # Larger files are decoded by a process of their own, which starts sooner than they are looked
@@ -148,11 +149,15 @@ def to_rec709_of(header: Mapping[str, Any], path: str | Path) -> NDArray[np.floa
 
 
 def write_exr(
-    path: str | Path, channels: Mapping[str, NDArray[np.float32]], header: Mapping[str, Any]
+    path: str | Path,
+    channels: Mapping[str, NDArray[np.float32]],
+    header: Mapping[str, Any],
+    window: Window | None = None,
 ) -> None:
     """Write (H, W) float32 channels with ZIP compression and extra header attributes.
 
-    Strings, int and float become attributes of these types. The channels R, G, B are Rec.709.
+    Strings, int and float become attributes of these types. The channels R, G, B are Rec.709. A
+    window becomes the data window, and the whole picture the display window.
 
     Raises
     ------
@@ -166,9 +171,18 @@ def write_exr(
         "chromaticities": REC709,
         **header,
     }
+    if window is not None:
+        left, top, right, bottom = window.box
+        attributes["dataWindow"] = _box(left, top, right, bottom)
+        attributes["displayWindow"] = _box(0, 0, window.full_width, window.full_height)
     pixels = {name: np.ascontiguousarray(values, np.float32) for name, values in channels.items()}
     try:
         with OpenEXR.File(attributes, pixels) as file:
             file.write(str(path))
     except Exception as error:
         raise ImageError(f"{path}: cannot be written: {error}; check folder and space") from None
+
+
+def _box(left: int, top: int, right: int, bottom: int) -> tuple[Any, Any]:
+    """A box of a header, which holds its last column and row."""
+    return np.array([left, top], np.int32), np.array([right - 1, bottom - 1], np.int32)

@@ -6,7 +6,7 @@ import io
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,7 +17,7 @@ from furcl.errors import ImageError
 from furcl.files import atomic_path
 from furcl.image.colour import srgb_encode
 from furcl.image.exr import read_exr, rgb_of, to_rec709_of, write_exr
-from furcl.image.size import strips
+from furcl.image.size import Window, strips
 from furcl.values import shown
 
 SUFFIXES = (".exr", ".png")
@@ -45,6 +45,12 @@ class Image:
                                     there are any, where some pixels have none
     stats : dict                    what the render says about itself, JSON values
     exposure_stops : float          of PNG files and the notebook
+    layers : dict                   channel by its EXR name -> (H, W) float32 (docs/layers.md)
+    attributes : dict               of the EXR header, which belong to layers
+    transparent : bool              rgb holds nothing of what is behind the scene: it is multiplied
+                                    with the layer A
+    window : Window or None         what part of a larger picture this is; EXR files have it as
+                                    their data window
     """
 
     rgb: NDArray[np.float32]
@@ -52,6 +58,10 @@ class Image:
     stats: dict[str, Any] = field(default_factory=dict)
     exposure_stops: float = 0.0
     samples: NDArray[np.uint32] | None = None
+    window: Window | None = None
+    layers: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    transparent: bool = False
 
     def __post_init__(self) -> None:
         if self.rgb.ndim != 3 or self.rgb.shape[2] != 3 or 0 in self.rgb.shape:
@@ -66,6 +76,9 @@ class Image:
                 f"samples has the shape {self.samples.shape}; expected {self.rgb.shape[:2]}, one "
                 f"number a pixel"
             )
+        size = (self.width, self.height)
+        if self.window is not None and (self.window.width, self.window.height) != size:
+            raise ImageError(f"{self.window} is not of the size of rgb, {size[0]} x {size[1]}")
 
     def __repr__(self) -> str:
         facts = [f"{self.width} x {self.height}"]
@@ -136,7 +149,50 @@ class Image:
                 f"{path}: the header attribute {EXPOSURE_ATTRIBUTE} is {shown(stops)}, no number; "
                 f"the file was edited, save the picture again"
             )
-        return cls(rgb_of(channels, header, path), variance, stats, stops, samples)
+        loaded = cls(
+            rgb_of(channels, header, path),
+            variance,
+            stats,
+            stops,
+            samples,
+            layers={name: channels[name] for name in stats.get("layers", ()) if name in channels},
+            attributes={k: v for k, v in header.items() if k.startswith("cryptomatte/")},
+            transparent=bool(stats.get("transparent", False)),
+        )
+        if "crop" not in stats:
+            return loaded
+        try:
+            return loaded.cropped(*stats["crop"])
+        except TypeError:
+            raise ImageError(
+                f"{path}: the header attribute {STATS_ATTRIBUTE} names no window by its crop = "
+                f"{shown(stats['crop'])}; the file was edited, save the picture again"
+            ) from None
+
+    def cropped(self, left: int, top: int, right: int, bottom: int) -> Image:
+        """A window of a whole picture, given as `film.crop` of a scene.
+
+        Raises
+        ------
+        ImageError      the window is not within the picture
+        """
+        if not (0 <= left < right <= self.width and 0 <= top < bottom <= self.height):
+            raise ImageError(
+                f"the window {left}, {top} to {right}, {bottom} is not within the picture of "
+                f"{self.width} x {self.height}"
+            )
+
+        def part(values: Any) -> Any:
+            return None if values is None else values[top:bottom, left:right]
+
+        return replace(
+            self,
+            rgb=part(self.rgb),
+            variance=part(self.variance),
+            samples=part(self.samples),
+            layers={name: part(values) for name, values in self.layers.items()},
+            window=Window(left, top, right - left, bottom - top, self.width, self.height),
+        )
 
     def save(self, path: str | Path) -> None:
         """Write an .exr (float, with variance and header) or a .png (8 bit sRGB at
@@ -166,8 +222,9 @@ class Image:
                     with temporary.open("wb") as file:
                         self._write_png(file)
                 else:
-                    header = {**_header(self.stats), EXPOSURE_ATTRIBUTE: float(self.exposure_stops)}
-                    write_exr(temporary, self._channels(), header)
+                    exposure = {EXPOSURE_ATTRIBUTE: float(self.exposure_stops)}
+                    header = {**_header(self.stats), **exposure, **self.attributes}
+                    write_exr(temporary, self._channels(), header, self.window)
         except OSError as error:
             raise ImageError(f"{path}: cannot be written: {error.strerror}") from None
 
@@ -180,12 +237,16 @@ class Image:
     def _write_png(self, file: BinaryIO) -> None:
         from PIL import Image as PillowImage
 
-        encoded = np.empty(self.rgb.shape, np.uint8)
+        alpha = self.layers.get("A") if self.transparent else None
+        encoded = np.empty((*self.rgb.shape[:2], 3 if alpha is None else 4), np.uint8)
         for rows in strips(self.height, self.width):
             linear = self.rgb[rows].astype(np.float64) * 2.0**self.exposure_stops
+            if alpha is not None:  # PNG keeps the colours of what covers a part of a pixel
+                linear /= np.maximum(alpha[rows], np.finfo(np.float32).tiny)[..., None]
+                encoded[rows, :, 3] = np.rint(alpha[rows] * 255.0).astype(np.uint8)
             srgb = srgb_encode(np.clip(np.nan_to_num(linear, posinf=1.0), 0.0, 1.0))
-            encoded[rows] = np.rint(srgb * 255.0).astype(np.uint8)
-        PillowImage.fromarray(encoded, "RGB").save(file, "PNG")
+            encoded[rows, :, :3] = np.rint(srgb * 255.0).astype(np.uint8)
+        PillowImage.fromarray(encoded, "RGB" if alpha is None else "RGBA").save(file, "PNG")
 
     def _repr_png_(self) -> bytes:
         return self.png_bytes()
@@ -208,7 +269,8 @@ class Image:
                 errors = {}
             elif fewest < 2:
                 errors = {name: _zero(values, counts < 2) for name, values in errors.items()}
-        return channels | {name: values for name, values in errors.items() if values is not None}
+        known = {name: values for name, values in errors.items() if values is not None}
+        return {**channels, **known, **self.layers}
 
 
 def _zero(

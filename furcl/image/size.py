@@ -1,8 +1,9 @@
-"""How large a picture may be."""
+"""How large a picture may be, and what part of it there is."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from furcl.errors import ImageError
 
@@ -12,6 +13,40 @@ STRIP_PIXELS = 1 << 18
 
 MAX_SIDE = 32768
 MAX_PIXELS = 1 << 28
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a picture [pixels], from the top left.
+
+    Attributes
+    ----------
+    left, top : int         its first column and row in the whole picture
+    width, height : int
+    full_width, full_height : int       of the whole picture
+    """
+
+    left: int
+    top: int
+    width: int
+    height: int
+    full_width: int
+    full_height: int
+
+    @property
+    def n_pixels(self) -> int:
+        """Pixels of the window."""
+        return self.width * self.height
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is the whole picture."""
+        return (self.width, self.height) == (self.full_width, self.full_height)
+
+    @property
+    def box(self) -> tuple[int, int, int, int]:
+        """Left, top, right and bottom; the last two are the first that are not in it."""
+        return self.left, self.top, self.left + self.width, self.top + self.height
 
 
 def check_size(where: str, height: int, width: int) -> None:

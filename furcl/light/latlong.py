@@ -21,6 +21,7 @@ from furcl.errors import ImageError
 from furcl.image.colour import luminance
 from furcl.image.exr import read_exr, rgb_of
 from furcl.image.hdr import is_hdr, read_hdr
+from furcl.light.compensation import compensated_power
 
 log = logging.getLogger(__name__)
 
@@ -53,9 +54,10 @@ class LatLong:
     n_negative : int                pixels with a negative channel, which was set to zero
 
     Cells are the pixels. A cell's chance goes with the luminance of the bilinear interpolant
-    averaged over it, so it is positive wherever the interpolant is; inside, directions are uniform
-    in solid angle. The density is taken from the differences of the float32 tables, so it is
-    exactly what sampling gives, and no formula divides by sin(theta) at the poles.
+    averaged over it, less a part of the mean (`furcl.light.compensation`), and is positive wherever
+    the interpolant is; inside, directions are uniform in solid angle. The density is taken from the
+    differences of the float32 tables, so it is exactly what sampling gives, and no formula divides
+    by sin(theta) at the poles.
     """
 
     texels: NDArray[np.float32]
@@ -126,20 +128,26 @@ class LatLong:
                 raise ImageError(
                     f"{source}: times the scale {scale:g} overflows float32; use a smaller scale"
                 )
-        conditional, means = np.empty((height, width), np.float32), np.empty(height)
-        for part in _strips(height):
+
+        def weights_of(part: slice) -> NDArray[np.float64]:
             # What the cells hold goes with the rows above and below.
             first = max(part.start - 1, 0)
             values = np.asarray(luminance(texels[first : part.stop + 1]), np.float64)
-            weights = _cell_weights(values)[part.start - first :][: part.stop - part.start]
-            means[part] = weights.mean(axis=1)
-            conditional[part] = _cdf(weights)
-        if not means.any():
+            return _cell_weights(values)[part.start - first :][: part.stop - part.start]
+
+        bands = -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1)))[:, None]
+        angles = bands * (2.0 * math.pi / width)
+        total = sum(float((weights_of(p) * angles[p]).sum()) for p in _strips(height))
+        if total == 0.0:
             raise ImageError(f"{source}: every pixel is black; a light image needs light")
-        rows = means * -np.diff(np.cos(np.linspace(0.0, math.pi, height + 1)))
+        conditional, marginal = np.empty((height, width), np.float32), np.empty(height)
+        for part in _strips(height):
+            power = compensated_power(weights_of(part) * angles[part], angles[part], total)
+            marginal[part] = power.sum(axis=1)
+            conditional[part] = _cdf(power)
         return cls(
             texels=texels,
-            marginal=_cdf(rows[None])[0],
+            marginal=_cdf(marginal[None])[0],
             conditional=conditional,
             rotation=rotation_deg / 360.0,
             n_negative=n_negative,

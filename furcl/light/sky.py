@@ -13,15 +13,13 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from furcl.image.colour import luminance
+from furcl.light.compensation import compensated_power
 from furcl.light.model import Light
 from furcl.light.preetham import Sky
 from furcl.light.sample import LightSamples, around_z, from_infinity
 from furcl.table import Rgb, Table, triple
 
 Array = NDArray[np.float64]
-
-# A part of the sky that sends light at all is sampled at least this often.
-MIN_CHANCE = 0.05
 
 
 class SkyEnvironment(Table, frozen=True, kw_only=True, tag_field="kind", tag="sky"):
@@ -95,7 +93,8 @@ class SkyLight(Light):
 
     @property
     def chances(self) -> tuple[float, float, float]:
-        """Chances of sampling the sun, the upper and the lower hemisphere, by luminous power."""
+        """Chances of sampling the sun, the upper and the lower hemisphere, by
+        `compensated_power`."""
         power = luminance(
             np.stack(
                 [
@@ -105,7 +104,9 @@ class SkyLight(Light):
                 ]
             )
         )
-        chance = np.where(power > 0.0, np.maximum(power / power.sum(), MIN_CHANCE), 0.0)
+        hemisphere = 2.0 * math.pi
+        angles = np.array([self.sky.sun_solid_angle, hemisphere, hemisphere])
+        chance = compensated_power(np.asarray(power, np.float64), angles)
         sun, sky, ground = chance / chance.sum()
         return float(sun), float(sky), float(ground)
 

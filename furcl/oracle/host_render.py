@@ -84,15 +84,9 @@ class HostRenderer:
 
     def _camera_rays(self, x: int, y: int, n: int, rng: np.random.Generator):
         camera = self.scene.resolved_camera(self.curves)
-        origin, right, up, forward = camera.frame()
         film = self.scene.film
         px, py = x + rng.random(n), y + rng.random(n)
-        half = math.tan(0.5 * math.radians(camera.vfov_deg))
-        across = half * film.aspect * (2.0 * px / film.width - 1.0)
-        along = half * (1.0 - 2.0 * py / film.height)
-        direction = forward + across[:, None] * right + along[:, None] * up
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        return np.broadcast_to(origin, direction.shape), direction
+        return camera.rays(px / film.width, py / film.height, film.aspect)
 
     def _scatter(self, segment, u: Array, wo: Array, rng: np.random.Generator):
         """Next origin, direction and weight of paths that met a fibre."""

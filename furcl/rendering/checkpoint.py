@@ -36,7 +36,7 @@ class Checkpoints:
     Parameters
     ----------
     renderer : Renderer
-    curves : Curves, Future or None     the scene's groom, where it is there or on its way
+    curves : Given          the scene's groom or grooms
     path : path             of the file, which appears whole or not at all
     minutes : float or None     kept so often; None: only where `keep` is called
 
@@ -195,6 +195,8 @@ def _state(renderer: Renderer) -> tuple[dict[str, Any], dict[str, Part]]:
         "material hits": renderer.material_hits,
     }
     parts |= {f"lobes of material {i}": counts for i, counts in enumerate(renderer.lobe_counts)}
+    if film.layers:
+        parts |= film.layers.parts()
     if renderer.plan:
         numbers["plan"] = renderer.plan.numbers()
         parts |= renderer.plan.parts()

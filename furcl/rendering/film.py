@@ -10,6 +10,7 @@ import pyopencl as cl
 from furcl.device.features import Features
 from furcl.device.memory import Memory, fill
 from furcl.image.size import strips
+from furcl.rendering.layers import LayerBuffers
 from furcl.rendering.plan import PlanBuffers
 
 
@@ -24,6 +25,7 @@ class Film:
     n_samples : Buffer      uint32 samples added to each pixel
     nonfinite : Buffer      one uint32: samples that were NaN or infinite
     plan : PlanBuffers or None      where a plan says how many samples each pixel takes
+    layers : LayerBuffers or None   where there are layers beside the picture
     """
 
     width: int
@@ -33,6 +35,7 @@ class Film:
     n_samples: cl.Buffer
     nonfinite: cl.Buffer
     plan: PlanBuffers | None = None
+    layers: LayerBuffers | None = None
 
     @staticmethod
     def allocate(memory: Memory, width: int, height: int, features: Features, spp: int = 1) -> Film:
@@ -52,14 +55,16 @@ class Film:
             memory.allocate("film samples", 4 * n_pixels, zero=True),
             memory.allocate("nonfinite", 16, zero=True),
             PlanBuffers.allocate(memory, n_pixels, spp) if features.planned else None,
+            LayerBuffers(memory, n_pixels, features) if features.layers else None,
         )
 
     def clear(self, queue: cl.CommandQueue) -> None:
         """Take all samples back out."""
         for buffer in (self.sums, self.n_samples, self.nonfinite):
             fill(queue, buffer, 0, buffer.size)
-        if self.plan:
-            self.plan.clear(queue)
+        for more in (self.plan, self.layers):
+            if more:
+                more.clear(queue)
 
     def read(self, memory: Memory) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Mean radiance, variance of that mean and samples of every pixel.

@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-import dataclasses
 import logging
 import os
-import resource
 import time
 from collections.abc import Callable
 
 import numpy as np
 
-from furcl.bvh.build import BUFFERS
 from furcl.device import layout
 from furcl.device.choice import Device, open_device
 from furcl.device.memory import Memory
+from furcl.errors import SceneError
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
+from furcl.image.size import Window
 from furcl.rendering.arguments import Given, check_curves, check_stops
 from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
 from furcl.rendering.plan import SamplePlan
-from furcl.rendering.setup import Setup, set_up
-from furcl.rendering.specialise import left_out, summary
+from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
+from furcl.rendering.specialise import summary
 from furcl.rendering.state import read_header
+from furcl.rendering.statistics import statistics
 from furcl.rendering.target import Target
-from furcl.rendering.wavefront import QueueLengths, Wavefront
+from furcl.rendering.wavefront import QueueLengths
+from furcl.scene.camera import Camera
 from furcl.scene.read import with_overrides
 from furcl.scene.tables import MOST_SPP, Scene
-from furcl.version import software
 
 log = logging.getLogger(__name__)
 
@@ -109,10 +109,15 @@ class Renderer:
             learning = self.setup.learning
             stops = [n // self.n_pixels for n in learning.ends] if learning else []
             self.plan = SamplePlan(self.memory, self.film, even, target, stops)
-        self._wave = _wave_of(scene, self.wavefront)
+        self._wave = wave_struct(scene, self.wavefront)
         self.lobe_counts = [np.zeros(len(m.lobes), np.int64) for m in self.materials]
         self.material_hits = np.zeros(len(self.materials), np.int64)
         self._forget_counts()
+
+    @property
+    def window(self) -> Window:
+        """What the film holds of the picture."""
+        return self.scene.film.window
 
     @property
     def n_pixels(self) -> int:
@@ -143,6 +148,28 @@ class Renderer:
         if self.setup.learning:
             self.setup.learning.forget()
         self.seconds.pop("render", None)
+
+    def look(self, camera: Camera) -> None:
+        """Forget all samples; the next ones are seen by another camera.
+
+        Parameters
+        ----------
+        camera : Camera     resolved, of the scene's projection; without a lens if it has none
+
+        Raises
+        ------
+        SceneError          a camera for which the kernels are not built
+        """
+        another_lens = camera.aperture_radius > 0.0 and not self.features.lens
+        if another_lens or camera.orthographic != self.features.orthographic:
+            raise SceneError(
+                f"scene {self.scene.name!r}: its kernels are built for another "
+                f"{'lens' if another_lens else 'projection'} than the camera's; make another "
+                f"Renderer"
+            )
+        self.scene = self.scene.seen_by(camera)
+        self.wavefront.camera = camera_struct(camera, self.scene.film)
+        self.restart(self.scene.render.seed)
 
     def _forget_counts(self) -> None:
         self.paths_done = self.rays = self.shadow_rays = 0
@@ -217,10 +244,12 @@ class Renderer:
         lengths = None
         for depth in range(self.scene.render.max_depth + 1):
             stages.intersect_closest(wave, active)
+            if depth == 0:
+                stages.add_first_hits(wave, n_pixels)
             stages.shade_escaped(wave, active, depth)
             if depth < self.scene.render.max_depth:
                 stages.scatter(wave, active, depth)
-                stages.intersect_shadow(wave, active)
+                stages.intersect_shadow(wave, active, depth)
             before, lengths = lengths, stages.swap()
             if before:
                 active = self._count_rays(before)
@@ -277,7 +306,10 @@ class Renderer:
         empty = samples == 0
         if empty.any():
             mean[empty] = variance[empty] = 0.0
+        layers = self.film.layers
+        channels, attributes = layers.read(samples) if layers else ({}, {})
         stats = self.stats()
+        stats["layers"] = sorted(channels)
         stats["error"] = None if empty.any() else estimated_errors(mean, variance)
         stats["samples"] = {"min": int(samples.min()), "max": int(samples.max())}
         stats["pixels_without_samples"] = int(empty.sum())
@@ -287,79 +319,15 @@ class Renderer:
             stats=stats,
             exposure_stops=self.scene.film.exposure_stops,
             samples=samples,
+            window=None if self.window.whole else self.window,
+            layers=channels,
+            attributes=attributes,
+            transparent=self.features.transparent,
         )
 
     def stats(self) -> dict:
         """What `--stats` writes; times in seconds, sizes in bytes."""
-        render = self.seconds.get("render", 0.0)
-        lobes = self.lobes
-        return {
-            **software(),
-            "scene": self.scene.name,
-            "environment_pixels_clamped": self.setup.n_negative,
-            "device": self.device.name,
-            "platform": self.device.platform,
-            "driver": self.device.driver_version,
-            "seed": self.scene.render.seed,
-            "spp": self.samples_done,
-            "sampling": self.scene.render.sampling,
-            "sequence": self.features.sequence,
-            "allocation": self.scene.render.allocation,
-            "steps": self.plan.steps if self.plan else 1,
-            "width": self.film.width,
-            "height": self.film.height,
-            "segments": self.setup.n_segments,
-            "features": {
-                "compiled": self.material.features.as_dict(),
-                "left_out": left_out(self.material),
-            },
-            "seconds": dict(self.seconds),
-            "paths": self.paths_done,
-            "rays": self.rays,
-            "mrays_s": self.rays / render / 1e6 if render else 0.0,
-            "path_length": (self.rays - self.shadow_rays) / max(self.paths_done, 1),
-            "hits_per_path": sum(lobes.values()) / max(self.paths_done, 1),
-            "lobes": lobes,
-            "grooms": [dataclasses.asdict(groom) for groom in self.setup.grooms],
-            "materials": self._material_stats(),
-            "nonfinite": self.film.read_nonfinite(self.memory),
-            "bytes": {
-                "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-                "device_peak": self.memory.peak_bytes,
-                "bvh": sum(self.memory.bytes[name] for name in BUFFERS),
-                "tables": self.memory.held("material"),
-                "absorption": self.memory.held("absorption"),
-            },
-            "wave_size": self.wave_size.paths,
-            "wave_size_from": self.wave_size.origin,
-        }
-
-    def _material_stats(self) -> list[dict]:
-        """Statistics of each fibre material."""
-        rows = zip(self.materials, self.material_hits.tolist(), self.lobe_counts, strict=True)
-        return [
-            {
-                "name": material.name,
-                "hits": hits,
-                "lobes": dict(zip(material.lobes, lobes.tolist(), strict=True)),
-                "features": {
-                    "compiled": material.features.as_dict(),
-                    "left_out": left_out(material),
-                },
-            }
-            for material, hits, lobes in rows
-        ]
-
-
-def _wave_of(scene: Scene, wavefront: Wavefront) -> np.ndarray:
-    """The struct Wave with what all waves of a scene have alike."""
-    wave = np.zeros((), layout.struct_dtype("Wave"))
-    wave["width"], wave["height"] = scene.film.width, scene.film.height
-    wave["n_slots"] = wavefront.n_slots
-    wave["roulette_depth"] = scene.render.first_roulette
-    wave["roulette_threshold"] = scene.render.survival_threshold
-    wave["shadow_threshold"] = scene.render.shadow_threshold
-    return wave
+        return statistics(self)
 
 
 def render(
@@ -438,10 +406,18 @@ def render(
     if checkpoint is not None:
         kept = Checkpoints(renderer, curves, checkpoint, checkpoint_minutes)
         progress = kept.watching(progress)
-    complete = renderer.advance(None, progress, time_limit)
+    image = finished(renderer, progress, time_limit)
     if kept:
         kept.end()
+    return image
+
+
+def finished(
+    renderer: Renderer, progress: Progress | None = None, time_limit: float | None = None
+) -> Image:
+    """The picture with all samples of its scene, or those that there are when it is stopped."""
+    complete = renderer.advance(None, progress, time_limit)
     image = renderer.image()
     image.stats["complete"] = complete
-    image.stats["target"] = target.as_dict() if target else None
+    image.stats["target"] = renderer.target.as_dict() if renderer.target else None
     return image

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,6 +15,7 @@ import pyopencl as cl
 
 from furcl.bvh import embree
 from furcl.bvh.build import Bvh, build_bvh
+from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
@@ -34,8 +34,11 @@ from furcl.rendering.learning import Learning
 from furcl.rendering.specialise import everything_on, scene_features
 from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
+from furcl.scene.camera import Camera
+from furcl.scene.tables import Film as FilmTable
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 log = logging.getLogger(__name__)
 
@@ -114,7 +117,8 @@ def set_up(
     timed = Timer()
     lights = scene.build_lights()
     fibres = scene.build_fibres()
-    features = scene_features(scene, list(fibres.values()), lights, with_target)
+    meshes = scene.build_meshes()
+    features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
 
     def take_grooms() -> Grooms:
         with timed("curves"):
@@ -124,15 +128,19 @@ def set_up(
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
 
-    def build_tree(grooms: Future[Grooms]) -> Bvh:
+    def build_trees(grooms: Future[Grooms]) -> tuple[Bvh, TriangleBvh | None]:
         grown = grooms.result().curves
+        radii = point_radii(grown)
         with timed("bvh"):
-            return build_bvh(memory, grown, point_radii(grown), debug=features.debug)
+            tree = build_bvh(memory, grown, radii, debug=features.debug)
+            if meshes is None:
+                return tree, None
+            return tree, build_triangle_bvh(memory, meshes.corners(), radii, debug=features.debug)
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
         taken = beside.submit(take_grooms)
-        tree = beside.submit(build_tree, taken)
+        trees = beside.submit(build_trees, taken)
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
@@ -142,7 +150,9 @@ def set_up(
                 bound = _bind(scene, fibres, taken.result())
             fibres |= {name: _bound_fibre(fibres[name], packed) for name, packed in bound.items()}
             grey = all(packed.grey for packed in bound.values())
-            features = scene_features(scene, list(fibres.values()), lights, with_target, grey)
+            features = scene_features(
+                scene, list(fibres.values()), lights, meshes, with_target, grey
+            )
         if not specialised:
             features = everything_on(features)
         with timed("tables"):
@@ -155,11 +165,12 @@ def set_up(
         grown = grooms.curves
         features = features.with_(point_radii=point_radii(grown))
         size = choose_wave_size(memory.device, features, wave_size)
-        film = Film.allocate(
-            memory, scene.film.width, scene.film.height, features, scene.render.spp
-        )
+        window = scene.film.window
+        film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, materials, lights, film, grown, size)
+            wavefront = _wavefront(
+                memory, scene, features, materials, meshes, lights, film, grown, size
+            )
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -167,12 +178,14 @@ def set_up(
                     memory,
                     wavefront.learning,
                     grown,
-                    scene.film.width * scene.film.height,
+                    window.n_pixels,
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
                 )
-        built = tree.result()
-        wavefront.place(built.arguments(), grooms.material_starts(len(materials)))
+        if film.layers:
+            film.layers.place(grooms, _surfaces(scene, features), scene.placed_lamps())
+        built, mesh_tree = trees.result()
+        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), mesh_tree)
     return Setup(
         memory,
         features,
@@ -271,6 +284,7 @@ def _wavefront(
     scene: Scene,
     features: Features,
     materials: list[FibreMaterial],
+    meshes: Meshes | None,
     lights: Lights,
     film: Film,
     curves: Curves,
@@ -280,30 +294,53 @@ def _wavefront(
     middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
     light = lights.device_buffer(features.light_sampling, middle)
     buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
+    shading = None
+    if meshes and isinstance(features.meshes, MeshPart):
+        shading = memory.upload("mesh shading", meshes.shading(features.meshes))
     return Wavefront(
         memory,
         features,
         [material.with_features(features) for material in materials],
         None if features.surface is None else (scene.body or ABSENT).params(),
+        shading,
         buffer,
-        camera_struct(scene, curves),
+        camera_struct(scene.resolved_camera(curves, meshes), scene.film),
         film,
         curves.n_points,
         size.paths,
     )
 
 
-def camera_struct(scene: Scene, curves: Curves) -> np.ndarray:
-    """The struct Camera of a scene; frames the groom where the scene leaves that open."""
-    camera = scene.resolved_camera(curves)
+def _surfaces(scene: Scene, features: Features) -> list[str]:
+    """Names of what rays meet beside fibres and lamps, as cryptomattes have them."""
+    body = [] if features.surface is None else ["body"]
+    return [*body, *(f"mesh.{name}" for name in scene.mesh)]
+
+
+def camera_struct(camera: Camera, film: FilmTable) -> np.ndarray:
+    """The struct Camera of a resolved camera."""
     origin, right, up, forward = camera.frame()
-    height = math.tan(0.5 * math.radians(camera.vfov_deg))
+    height = camera.half_height
     out = np.zeros((), layout.struct_dtype("Camera"))
     out["origin"][:3] = origin
-    out["right"][:3] = right * height * scene.film.aspect
+    out["right"][:3] = right * height * film.aspect
     out["up"][:3] = up * height
     out["forward"][:3] = forward
     out["aperture_radius"] = camera.aperture_radius
     out["focus_distance"] = camera.focus_distance or 0.0
-    out["filter_radius_px"] = scene.film.support_px
+    out["filter_radius_px"] = film.support_px
     return out
+
+
+def wave_struct(scene: Scene, wavefront: Wavefront) -> np.ndarray:
+    """The struct Wave with what all waves of a scene have alike."""
+    wave = np.zeros((), layout.struct_dtype("Wave"))
+    window = scene.film.window
+    wave["width"], wave["height"] = window.width, window.height
+    wave["picture_width"], wave["picture_height"] = window.full_width, window.full_height
+    wave["crop_left"], wave["crop_top"] = window.left, window.top
+    wave["n_slots"] = wavefront.n_slots
+    wave["roulette_depth"] = scene.render.first_roulette
+    wave["roulette_threshold"] = scene.render.survival_threshold
+    wave["shadow_threshold"] = scene.render.shadow_threshold
+    return wave

@@ -6,21 +6,25 @@ from collections.abc import Sequence
 from typing import Any
 
 from furcl.device.features import Features
+from furcl.device.layout import LAYERS
 from furcl.errors import SceneError
 from furcl.fibre.material import NEGLIGIBLE_SHARE, FibreMaterial
 from furcl.fibre.model import model_of
 from furcl.light.lamps.layout import LampsPart
 from furcl.light.lights import Lights
+from furcl.rendering.layers import LayerPart
 from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
 def scene_features(
     scene: Scene,
     fibres: Sequence[Any],
     lights: Lights,
+    meshes: Meshes | None = None,
     with_target: bool = False,
     grey_strands: bool = True,
 ) -> Features:
@@ -54,16 +58,22 @@ def scene_features(
     )
     grey = grey_strands and all(model_of(fibre).is_grey(fibre) for fibre in fibres) and lights.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
+    grey = grey and (meshes is None or meshes.is_grey)
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
+        layers=_layers(scene, fibres),
+        transparent=scene.film.background == "transparent",
         light=lights.environment_part,
         lamps=lights.lamps_part,
         surface=scene.body.part if scene.body is not None else None,
         fibres=len(fibres),
+        meshes=meshes.part if meshes is not None else None,
         channels=1 if grey else 3,
         light_sampling=light_sampling,
-        lens=scene.camera.aperture_radius > 0.0,
+        lens=scene.chosen_camera.aperture_radius > 0.0,
+        orthographic=scene.chosen_camera.orthographic,
+        crop=scene.film.crop is not None,
         filter=scene.film.filter,
         sequence=render.sequence,
         roulette=render.first_roulette < render.max_depth,
@@ -75,11 +85,24 @@ def scene_features(
     )
 
 
+def _layers(scene: Scene, fibres: Sequence[Any]) -> LayerPart | None:
+    """The layers of the film; transparency wants alpha."""
+    wanted = {*scene.film.layers, *(["alpha"] if scene.film.background == "transparent" else [])}
+    if not wanted:
+        return None
+    lobes: dict[str, None] = {}
+    for fibre in fibres if "lobes" in wanted else ():
+        model = model_of(fibre)
+        n_lobes = model.features(fibre, residual=scene.render.residual).n_lobes
+        lobes |= dict.fromkeys(lobe.name for lobe in model.lobes[:n_lobes])
+    return LayerPart(tuple(name for name in LAYERS if name in wanted), tuple(lobes))
+
+
 def everything_on(features: Features) -> Features:
     """The same expected picture from kernels with all the code that some scene could need.
 
     What chooses another picture or the subject of a comparison stays as it is: fibre model, light,
-    pixel filter. The light is sampled always.
+    projection, pixel filter. The light is sampled always.
     """
     return features.with_(
         channels=3,
@@ -87,7 +110,9 @@ def everything_on(features: Features) -> Features:
         point_radii=True,
         lamps=features.lamps.everything_on() if isinstance(features.lamps, LampsPart) else None,
         surface=features.surface or ABSENT.part,
+        meshes=features.meshes and MeshPart(normals=True, textures=True, emission=True),
         lens=True,
+        crop=True,
         roulette=True,
         shadow_roulette=True,
         variance=True,
@@ -99,15 +124,27 @@ def everything_on(features: Features) -> Features:
 def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     """Feature -> whether a build has it, and why it might not."""
     features = material.features
+    meshes = features.meshes.as_dict() if features.meshes is not None else {}
+    of_meshes = {
+        "mesh_normals": "no mesh is smooth",
+        "mesh_textures": "no mesh has a texture",
+        "mesh_emission": "no mesh emits light",
+    }
     tables = material.tables is not None
     return {
         **material.fibre_features.optional(),
-        "colour": (features.channels == 3, "fibres, light and body are grey: one channel"),
+        "colour": (features.channels == 3, "fibres, light and surfaces are grey: one channel"),
         "light_sampling": (features.light_sampling, "the light is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
+        "meshes": (features.meshes is not None, "the scene has no meshes"),
+        **{name: (bool(meshes.get(name)), reason) for name, reason in of_meshes.items()},
         "environment": (features.light is not None, "the scene has no environment"),
         "lamps": (features.lamps is not None, "the scene has no lamps"),
+        "orthographic": (features.orthographic, "the camera has a perspective"),
+        "transparent": (features.transparent, "the light behind the scene is seen"),
+        "layers": (features.layers is not None, "film.layers asks for none"),
+        "crop": (features.crop, "the film holds the whole picture"),
         "lens": (features.lens, "aperture_radius is 0: pinhole"),
         "sobol": (features.sequence == "sobol", "samples of a pixel are independent"),
         "roulette": (features.roulette, "roulette_depth is not below max_depth"),

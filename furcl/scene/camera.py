@@ -1,35 +1,40 @@
-"""The camera table of a scene: perspective, placed by hand or framed, pinhole or thin lens."""
+"""The camera table of a scene: placed by hand or framed, perspective or orthographic."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-from furcl.table import Table, Vec3
+from furcl.table import Length, Table, Vec3
 
 DEFAULT_AZIMUTH_DEG = 0.0
 DEFAULT_ELEVATION_DEG = 10.0
 DEFAULT_MARGIN = 0.05
+DEFAULT_VFOV_DEG = 30.0
 POINTS_AT_ONCE = 1 << 17
 
 
 class Camera(Table, frozen=True, kw_only=True):
-    """Perspective camera.
+    """Where the picture is taken from.
 
     With `origin` and `target` it looks from one to the other. Without, it is placed so that a groom
-    fills the picture, on the side that `azimuth_deg` and `elevation_deg` name.
+    fills the picture, on the side that `azimuth_deg` and `elevation_deg` name. An orthographic one
+    sees along parallel rays, from the plane through `origin` on.
 
     Attributes
     ----------
     origin : (x, y, z)            where it is; with target, or neither of them [unit]
     target : (x, y, z)            what it looks at [unit]
     up : (x, y, z)                any vector not along the view
-    vfov_deg : float              full vertical angle of view [deg]
+    vfov_deg : float              full vertical angle of view, of perspective [deg]
+    projection : str              "perspective", or "orthographic": parallel rays
+    height : float                of what is seen, of orthographic; left out it frames, which needs
+                                  neither origin nor target [unit]
     aperture_radius : float       of the lens; 0 is a pinhole [unit]
     focus_distance : float        along the view axis; the target's if left out [unit]
     azimuth_deg : float           of the camera seen from the groom, from +x towards +y; 0 if left
@@ -41,7 +46,9 @@ class Camera(Table, frozen=True, kw_only=True):
     origin: Vec3 | None = None
     target: Vec3 | None = None
     up: Vec3 = (0.0, 0.0, 1.0)
-    vfov_deg: Annotated[float, Meta(ge=0.1, le=170.0)] = 30.0
+    vfov_deg: Annotated[float, Meta(ge=0.1, le=170.0)] = DEFAULT_VFOV_DEG
+    projection: Literal["perspective", "orthographic"] = "perspective"
+    height: Length | None = None
     aperture_radius: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
     focus_distance: Annotated[float, Meta(gt=0.0, le=1e9)] | None = None
     azimuth_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] | None = None
@@ -54,6 +61,7 @@ class Camera(Table, frozen=True, kw_only=True):
             raise ValueError(
                 f"{given} is given without {missing}; give both, or neither for automatic framing"
             )
+        self._check_projection()
         framing = [
             k for k in ("azimuth_deg", "elevation_deg", "margin") if getattr(self, k) is not None
         ]
@@ -70,6 +78,44 @@ class Camera(Table, frozen=True, kw_only=True):
                 raise ValueError(f"origin and target are the same point {self.origin}; move one")
         if _sine_between(view, self.up) < 1e-4:
             raise ValueError(f"up = {self.up} is zero or along the view; choose another direction")
+
+    def _check_projection(self) -> None:
+        if not self.orthographic and self.height is not None:
+            raise ValueError(
+                f"height = {self.height} belongs to projection = 'orthographic'; give vfov_deg, or "
+                f"that projection"
+            )
+        if self.orthographic and self.vfov_deg != DEFAULT_VFOV_DEG:
+            raise ValueError(
+                f"vfov_deg = {self.vfov_deg} belongs to projection = 'perspective'; give height "
+                f"instead, or leave it out to frame the groom"
+            )
+        if self.orthographic and self.origin is not None and self.height is None:
+            raise ValueError(
+                "height is missing: an orthographic camera with an origin needs the height of what "
+                "it sees"
+            )
+        if self.orthographic and self.height is not None and self.margin is not None:
+            raise ValueError("margin and height both say how large the groom is; remove one")
+
+    @property
+    def orthographic(self) -> bool:
+        """Whether rays are parallel."""
+        return self.projection == "orthographic"
+
+    @property
+    def half_height(self) -> float:
+        """Of the film: of its picture at a distance of 1 or, orthographic, at every one [unit].
+
+        Raises
+        ------
+        ValueError      if an orthographic camera that frames has not been resolved
+        """
+        if not self.orthographic:
+            return math.tan(0.5 * math.radians(self.vfov_deg))
+        if self.height is None:
+            raise ValueError("the camera frames automatically; call resolved(points, aspect) first")
+        return 0.5 * self.height
 
     def _side(self) -> NDArray[np.float64]:
         azimuth = math.radians(
@@ -94,8 +140,8 @@ class Camera(Table, frozen=True, kw_only=True):
 
         Returns
         -------
-        Camera                the nearest one that sees all points within the margin: two opposite
-                              sides of the picture are touched
+        Camera                the nearest one, or orthographic that of the least height, that sees
+                              all points within the margin: two opposite sides are touched
 
         Raises
         ------
@@ -107,6 +153,8 @@ class Camera(Table, frozen=True, kw_only=True):
         places = self.outermost(points, aspect)
         if radius == 0.0 and not np.ptp(places, axis=0).any():
             raise ValueError("the points to frame are one point; give origin and target instead")
+        if self.orthographic:
+            return self._resolved_orthographic(places, aspect, radius)
         right, up, forward = _frame(-self._side(), self.up)
         slope = self._free_slope()
         depth = places @ forward
@@ -118,12 +166,31 @@ class Camera(Table, frozen=True, kw_only=True):
             raise ValueError(
                 "the points to frame are one point; give the camera an origin and target"
             )
-        target = origin + distance * forward
+        return self._placed(origin, distance * forward, self.height)
+
+    def _resolved_orthographic(
+        self, points: NDArray[np.float64], aspect: float, radius: float
+    ) -> Camera:
+        """The camera of the least height, or of its own, as far away as the points are deep."""
+        right, up, forward = _frame(-self._side(), self.up)
+        axes = np.stack([right, up, forward])
+        places = points @ axes.T
+        middle = 0.5 * (places.min(axis=0) + places.max(axis=0)) @ axes
+        across, upwards, along = np.ptp(places, axis=0) + 2.0 * radius
+        height = max(upwards, across / aspect) / (1.0 - self._margin)
+        depth = max(along, height)
+        return self._placed(middle - depth * forward, depth * forward, self.height or float(height))
+
+    def _placed(
+        self, origin: NDArray[np.float64], view: NDArray[np.float64], height: float | None
+    ) -> Camera:
+        """This camera at a place, with the vector to its target."""
         return msgspec.structs.replace(
             self,
             origin=tuple(origin.tolist()),
-            target=tuple(target.tolist()),
-            focus_distance=self.focus_distance or distance,
+            target=tuple((origin + view).tolist()),
+            height=height,
+            focus_distance=self.focus_distance or float(np.linalg.norm(view)),
             azimuth_deg=None,
             elevation_deg=None,
             margin=None,
@@ -134,32 +201,32 @@ class Camera(Table, frozen=True, kw_only=True):
 
         Points are taken a part at a time, so that not all of them have to be copied.
         """
-        points = np.asarray(points)
+        return outermost(points, self.framing_directions(aspect))
+
+    def framing_directions(self, aspect: float = 1.0) -> NDArray[np.float64]:
+        """Directions (6, 3); the points that are farthest in them decide how all are framed."""
         right, up, forward = _frame(-self._side(), self.up)
         slope = self._free_slope()
-        directions = np.stack(
+        return np.stack(
             [
                 *(sign * right - slope * aspect * forward for sign in (1.0, -1.0)),
                 *(sign * up - slope * forward for sign in (1.0, -1.0)),
                 *(sign * forward for sign in (1.0, -1.0)),
             ]
         )
-        found = []
-        for begin in range(0, len(points), POINTS_AT_ONCE):
-            part = points[begin : begin + POINTS_AT_ONCE].astype(np.float64)
-            found.append(part[(directions @ part.T).argmax(axis=1)])
-        return np.concatenate(found)
+
+    @property
+    def _margin(self) -> float:
+        return DEFAULT_MARGIN if self.margin is None else self.margin
 
     def _free_slope(self) -> float:
         """Of the wedge that is left for points between the upper and the lower margin."""
-        free = 1.0 - (DEFAULT_MARGIN if self.margin is None else self.margin)
-        return math.tan(math.radians(self.vfov_deg) / 2.0) * free
+        if self.orthographic:
+            return 0.0
+        return self.half_height * (1.0 - self._margin)
 
     def frame(self) -> tuple[NDArray[np.float64], ...]:
         """Origin and the unit vectors right, up and forward of an explicit camera, (3,) float64.
-
-        The ray through the film position (x, y), both in 0..1 with y = 0 at the top, goes along
-        forward + tan(vfov/2) * (aspect * (2 x - 1) * right + (1 - 2 y) * up).
 
         Raises
         ------
@@ -169,6 +236,51 @@ class Camera(Table, frozen=True, kw_only=True):
             raise ValueError("the camera frames automatically; call resolved(points, aspect) first")
         right, up, forward = _frame(np.subtract(self.target, self.origin), self.up)
         return np.array(self.origin, np.float64), right, up, forward
+
+    def rays(
+        self, x: ArrayLike, y: ArrayLike, aspect: float = 1.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Origins and unit directions (n, 3) of the pinhole's rays through places of the film.
+
+        Parameters
+        ----------
+        x, y : (n,)     on the film, 0..1, y = 0 at the top
+        """
+        origin, right, up, forward = self.frame()
+        x, y = 2.0 * np.asarray(x, np.float64) - 1.0, 1.0 - 2.0 * np.asarray(y, np.float64)
+        beside = self.half_height * (aspect * x[:, None] * right + y[:, None] * up)
+        if self.orthographic:
+            return origin + beside, np.broadcast_to(forward, beside.shape)
+        through = forward + beside
+        through /= np.linalg.norm(through, axis=1, keepdims=True)
+        return np.broadcast_to(origin, through.shape), through
+
+    def on_film(
+        self, points: ArrayLike, aspect: float = 1.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Where points (n, 3) are seen: x to the right and y upwards, -1..1 on the film, and depth.
+
+        Those behind a perspective camera, with a depth below 0, are seen nowhere.
+        """
+        origin, right, up, forward = self.frame()
+        beside = np.asarray(points, np.float64) - origin
+        depth = beside @ forward
+        half = self.half_height * (1.0 if self.orthographic else depth)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return beside @ right / (half * aspect), beside @ up / half, depth
+
+
+def outermost(points: ArrayLike, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those of points (n, 3) that are farthest in directions (k, 3) within a part of all points.
+
+    (m, 3), k for every POINTS_AT_ONCE points: so that not all of them have to be copied.
+    """
+    points = np.asarray(points)
+    found = []
+    for begin in range(0, len(points), POINTS_AT_ONCE):
+        part = points[begin : begin + POINTS_AT_ONCE].astype(np.float64)
+        found.append(part[(directions @ part.T).argmax(axis=1)])
+    return np.concatenate(found)
 
 
 def _frame(view: NDArray[np.float64], up: Vec3) -> tuple[NDArray[np.float64], ...]:

@@ -20,6 +20,7 @@ _KEYWORDS = {
     "seed": "render.seed",
     "sampling": "render.sampling",
     "max_depth": "render.max_depth",
+    "camera": "film.camera",
 }
 
 

@@ -14,6 +14,7 @@ import msgspec
 from furcl.errors import FibreError, SceneError
 from furcl.files import check_regular, named, open_regular
 from furcl.paths import scene_folder
+from furcl.scene.camera import Camera
 from furcl.scene.document import MAX_BYTES, parse_toml
 from furcl.scene.overrides import Document, absolute_files, apply_overrides, keyword_overrides
 from furcl.scene.refusal import check_tables, refuse_missing, refuse_value
@@ -47,6 +48,7 @@ def load_scene(
                                 black_hair; relative files in it are sought beside it
     overrides : list of str     "dotted.key=VALUE", see `furcl.scene.overrides.apply_overrides`
     spp, seed, sampling, max_depth : replace the value of that name in the table [render]
+    camera : str                replaces film.camera
     size : (w, h) or "WxH"      replaces width and height in [film]
                                 (a keyword that is None changes nothing)
 
@@ -140,6 +142,7 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
             f"environment.kind=constant"
         )
     _check_grooms(scene, source)
+    _check_cameras(scene, source)
     return scene
 
 
@@ -153,23 +156,28 @@ def _check_name(name: object, source: str) -> None:
 
 def named_lists(document: Document, source: str) -> Document:
     """A scene document in which lists of tables that have names, [[groom]], are tables by name,
-    [groom.NAME]; one that says no name is called by its place, groom1.
+    [groom.NAME]; one that says no name is called by its place, groom1. Those of a list [[camera]]
+    are [cameras.NAME], since [camera] is the only one.
 
     Raises
     ------
     SceneError      a name twice, or one that is no text
     """
-    out = dict(document)
+    out = {
+        "cameras" if (key, type(value)) == ("camera", list) else key: value
+        for key, value in document.items()
+    }
     for key in NAMED & out.keys():
         if not isinstance(out[key], list) or not all(isinstance(t, dict) for t in out[key]):
             continue
         tables: Document = {}
+        single = key.removesuffix("s")
         for number, table in enumerate(out[key], 1):
-            name = table.get("name", f"{key}{number}")
+            name = table.get("name", f"{single}{number}")
             if not isinstance(name, str) or name in tables:
                 raise SceneError(
-                    f"{source}: {key}[{number - 1}].name = {shown(name)}: expected a text that no "
-                    f"other {key} has"
+                    f"{source}: {single}[{number - 1}].name = {shown(name)}: expected a text that "
+                    f"no other {single} has"
                 )
             tables[name] = {k: value for k, value in table.items() if k != "name"}
         out[key] = tables
@@ -242,6 +250,26 @@ def _check_grooms(scene: Scene, source: str) -> None:
                 fibre.build()
         except FibreError as error:
             raise SceneError(f"{source}:{where} {error}") from None
+
+
+def _check_cameras(scene: Scene, source: str) -> None:
+    """Refuse a name of no camera, and a camera beside several.
+
+    Raises
+    ------
+    SceneError
+    """
+    if scene.cameras and scene.camera != Camera():
+        raise SceneError(
+            f"{source}: camera is given beside cameras.{next(iter(scene.cameras))}; [camera] is "
+            f"the short form of one: give its values to one of them, as cameras.NAME.KEY"
+        )
+    if scene.film.camera is not None and scene.film.camera not in scene.cameras:
+        known = ", ".join(scene.cameras) or "none: give [[camera]] with a name"
+        raise SceneError(
+            f"{source}: film.camera = {shown(scene.film.camera)}: the scene has no camera of that "
+            f"name; known: {known}"
+        )
 
 
 def _with_kinds(table: Any, at: Keys) -> Any:

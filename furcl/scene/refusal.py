@@ -144,7 +144,7 @@ def refuse_value(message: str, document: dict[str, Any], at: Keys, source: str) 
     if re.match(r"\w+ = ", what):  # a table's own check, which names its key
         raise SceneError(f"{source}: {where}.{what}")
     words = choices(type_at(document, tuple(keys)))
-    if words:
+    if words and not what.startswith("Expected `array`"):
         what = _allowed(value, words)
     elif what.startswith("Expected"):
         what = "e" + what[1:].replace("`object`", "a table")

@@ -76,7 +76,11 @@ def allows_none(hint: Any) -> bool:
 
 def choices(hint: Any) -> tuple[str, ...]:
     """The words that a type allows; none if it is no choice of words."""
-    literals = [part for part in _parts(hint) if typing.get_origin(part) is Literal]
+    each = [
+        typing.get_args(part)[0] if Ellipsis in typing.get_args(part) else part
+        for part in _parts(hint)
+    ]
+    literals = [part for part in each if typing.get_origin(part) is Literal]
     return tuple(word for literal in literals for word in typing.get_args(literal))
 
 

@@ -14,8 +14,9 @@ from typing import Annotated, Any, ClassVar, Literal
 import msgspec
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
-from furcl.device.layout import Filter, Sequence
+from furcl.device.layout import LAYERS, Filter, Layer, Sequence
 from furcl.errors import SceneError
 from furcl.fibre import model as models
 from furcl.fibre import samplers
@@ -25,6 +26,7 @@ from furcl.groom.curves import Curves
 from furcl.groom.joined import Groom as GroomCurves
 from furcl.groom.joined import Grooms
 from furcl.groom.tables import CurvesTable
+from furcl.image.size import Window
 from furcl.light import kinds as lights
 from furcl.light.lights import Lights
 from furcl.light.model import Light
@@ -32,7 +34,9 @@ from furcl.scene import lamps
 from furcl.scene.camera import Camera
 from furcl.scene.groom import Groom
 from furcl.scene.lamps import Lamp
+from furcl.scene.mesh import MeshTable
 from furcl.surface import kinds as surfaces
+from furcl.surface.mesh.mesh import Meshes
 from furcl.surface.model import Surface
 from furcl.table import Table
 
@@ -42,6 +46,9 @@ Keys = tuple[str, ...]
 FILTER_SUPPORT_PX: dict[Filter, float] = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 
 MOST_SPP = 1 << 20
+
+
+Pixel = Annotated[int, Meta(ge=0, le=16384)]
 
 
 class Film(Table, frozen=True, kw_only=True):
@@ -56,6 +63,14 @@ class Film(Table, frozen=True, kw_only=True):
     filter_radius_px : float    half width of the filter; box 0.5, tent 1, gaussian 1.5 if left out
                                 [pixels]
     exposure_stops : float      brightness of PNG files [stops]
+    crop : 4 whole numbers      left, top, right, bottom of the window that is rendered, counted
+                                from the top left; right and bottom are the first that are not
+                                [pixels]
+    camera : str                name of the camera that sees it, of a scene with several; the first
+                                if left out
+    background : str            what is seen where a camera ray meets nothing: the "light" of its
+                                direction, or nothing, "transparent", with an alpha
+    layers : list of words      what is written beside the picture (docs/layers.md)
     """
 
     width: Annotated[int, Meta(ge=1, le=16384)] = 512
@@ -63,6 +78,30 @@ class Film(Table, frozen=True, kw_only=True):
     filter: Filter = "gaussian"
     filter_radius_px: Annotated[float, Meta(ge=0.5, le=4.0)] | None = None
     exposure_stops: Annotated[float, Meta(ge=-30.0, le=30.0)] = 0.0
+    crop: tuple[Pixel, Pixel, Pixel, Pixel] | None = None
+    camera: str | None = None
+    background: Literal["light", "transparent"] = "light"
+    layers: tuple[Layer, ...] = ()
+
+    def __post_init__(self) -> None:
+        twice = [name for name in LAYERS if self.layers.count(name) > 1]
+        if twice:
+            raise ValueError(f"layers = {list(self.layers)} has {twice[0]!r} twice; remove one")
+        if self.crop is None:
+            return
+        left, top, right, bottom = self.crop
+        if not (left < right <= self.width and top < bottom <= self.height):
+            raise ValueError(
+                f"crop = {list(self.crop)} holds no pixels of a picture of {self.width} x "
+                f"{self.height}; give left < right <= {self.width} and top < bottom <= "
+                f"{self.height}"
+            )
+
+    @property
+    def window(self) -> Window:
+        """What is rendered of the picture."""
+        left, top, right, bottom = self.crop or (0, 0, self.width, self.height)
+        return Window(left, top, right - left, bottom - top, self.width, self.height)
 
     @property
     def support_px(self) -> float:
@@ -185,8 +224,14 @@ KINDS = {
     "curves": Kinds("generator", groom_kinds.tables, "file"),
     "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
-# Keys whose tables are named by the scene -> what each of them is by KINDS, if it has kinds.
-NAMED = {"groom": None, "material": "fibre", "lamp": "lamp"}
+# Keys whose tables are named by the scene -> the table of the scene that each of them is like.
+NAMED = {
+    "groom": None,
+    "material": "fibre",
+    "lamp": "lamp",
+    "mesh": None,
+    "cameras": "camera",
+}
 
 
 def kinds_at(keys: Keys) -> Kinds | None:
@@ -194,7 +239,7 @@ def kinds_at(keys: Keys) -> Kinds | None:
     if len(keys) == 1 and keys[0] not in NAMED:
         return KINDS.get(keys[0])
     if len(keys) == 2 and NAMED.get(keys[0]):
-        return KINDS[str(NAMED[keys[0]])]
+        return KINDS.get(str(NAMED[keys[0]]))
     if len(keys) == 3 and keys[0] in NAMED:
         return KINDS.get(keys[2])
     return None
@@ -207,7 +252,7 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
-    groom, material, lamp : dict    name -> table
+    groom, material, lamp, mesh, cameras : dict     name -> table
     """
 
     name: str = ""
@@ -219,13 +264,16 @@ class Scene(Table, frozen=True, kw_only=True):
     curves: CurvesTable | None = None
     groom: dict[str, Groom] = msgspec.field(default_factory=dict)
     material: dict[str, ModelTable] = msgspec.field(default_factory=dict)
+    cameras: dict[str, Camera] = msgspec.field(default_factory=dict)
     body: Surface | None = None
+    mesh: dict[str, MeshTable] = msgspec.field(default_factory=dict)
     render: Render = Render()
 
     def __repr__(self) -> str:
         ones = [getattr(self, name) for name in KINDS if name not in NAMED]
         kinds = [str(table.__struct_config__.tag) for table in ones if table is not None]
-        kinds += [f"{key} {name}" for key in ("groom", "lamp") for name in getattr(self, key)]
+        several = ("groom", "lamp", "mesh")
+        kinds += [f"{key} {name}" for key in several for name in getattr(self, key)]
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def __hash__(self) -> int:
@@ -309,6 +357,11 @@ class Scene(Table, frozen=True, kw_only=True):
         environment = None if self.environment is None else self.build_light()
         return Lights(environment, lamps.build(self.lamp, self.render.lamp_choice == "position"))
 
+    def placed_lamps(self) -> list[str]:
+        """Keys of the lamps that have a place, in the order of `Lights`."""
+        placed = (item for item in self.lamp.items() if item[1].__struct_config__.tag != "distant")
+        return [f"lamp.{name}" for name, table in placed for _ in table.records()]
+
     def build_grooms(self) -> Grooms:
         """Read or grow the grooms and put them in their places.
 
@@ -329,10 +382,49 @@ class Scene(Table, frozen=True, kw_only=True):
         """The strands of all grooms, see `build_grooms`."""
         return self.build_grooms().curves
 
-    def resolved_camera(self, curves: Curves) -> Camera:
-        """The camera with all places filled in; if it frames, it frames groom and body."""
+    def build_meshes(self) -> Meshes | None:
+        """The meshes with their textures, read from their files; None where there are none.
+
+        Raises
+        ------
+        MeshError, ImageError       if a file cannot be used
+        """
+        if not self.mesh:
+            return None
+        return Meshes([table.build(f"mesh.{name}") for name, table in self.mesh.items()])
+
+    def resolved_camera(self, curves: Curves, meshes: Meshes | None = None) -> Camera:
+        """The camera with all places filled in; if it frames, it frames groom, body and meshes."""
         points, radius = curves.points, float(curves.radii.max())
-        if self.body is not None and self.camera.origin is None:
-            points = self.camera.outermost(points, self.film.aspect)
-            points = np.concatenate([points, self.body.points()])
-        return self.camera.resolved(points, self.film.aspect, radius)
+        if self.chosen_camera.origin is None:
+            others = self._framed_beside(meshes)
+            if others:
+                outermost, aspect = self.chosen_camera.outermost, self.film.aspect
+                points = np.concatenate([outermost(p, aspect) for p in (points, *others)])
+        return self.chosen_camera.resolved(points, self.film.aspect, radius)
+
+    def _framed_beside(self, meshes: Meshes | None) -> list[NDArray[np.float32]]:
+        """Points (n, 3) of body and meshes."""
+        body = [] if self.body is None else [self.body.points().astype(np.float32)]
+        return body + ([] if meshes is None else [meshes.points()])
+
+    @property
+    def chosen_camera(self) -> Camera:
+        """Of several cameras that which `film.camera` names, or the first; else the only one."""
+        if self.film.camera is not None:
+            return self.cameras[self.film.camera]
+        return next(iter(self.cameras.values()), self.camera)
+
+    def seen_by(self, camera: Camera) -> Scene:
+        """The scene with one camera, this one."""
+        film = msgspec.structs.replace(self.film, camera=None)
+        return msgspec.structs.replace(self, camera=camera, cameras={}, film=film)
+
+    def points_to_frame(
+        self, curves: Curves, meshes: Meshes | None = None
+    ) -> tuple[NDArray[np.float32], float]:
+        """Points (n, 3) of groom, body and meshes, and the radius of a sphere around each, to be
+        framed."""
+        points, radius = curves.points, float(curves.radii.max())
+        others = self._framed_beside(meshes)
+        return (np.concatenate([points, *others]) if others else points), radius

@@ -65,24 +65,13 @@ __kernel void add_to_film(
 {
     const uint n_pixels = wave.width * wave.height;
     const Paths paths = {state, wave.n_slots};
+    const PixelSlots slots = slots_of_pixel(paths, &wave,
 #if FURCL_PLANNED
-    const uint tiled = wave.first_pixel + get_global_id(0);
-    if (tiled >= n_pixels) return;
-    /* Slots of the pixel, which may have begun before the wave and may go on after it. */
-    const uint before = first_planned_path(plan, &wave);
-    const PlannedPaths own = planned_paths(plan, tiled);
-    const uint first = max(own.first, before) - before;
-    const uint end = min(max(own.end, before) - before, wave.n_paths);
-    if (first >= end) return;
-    const uint step = 1u;
-    const PixelSample p = sample_of_pixel(&wave, tiled, 0u);
-#else
-    const uint first = get_global_id(0);
-    if (first >= min(wave.n_paths, n_pixels)) return;
-    const uint end = wave.n_paths, step = n_pixels;
-    const PixelSample p = pixel_of_slot(paths, &wave, first);
+        plan,
 #endif
-    const uint pixel = FURCL_INDEX(paths_record(paths), p.index, n_pixels);
+        get_global_id(0));
+    if (slots.first >= slots.end) return;
+    const uint pixel = FURCL_INDEX(paths_record(paths), film_pixel(&wave, slots.pixel), n_pixels);
     Spectrum sum = spectrum_load(film_place(film, paths, pixel, 0u));
     Spectrum sum_correction = spectrum_load(film_place(film, paths, pixel, 1u));
 #if FURCL_VARIANCE
@@ -90,7 +79,7 @@ __kernel void add_to_film(
     Spectrum squares_correction = spectrum_load(film_place(film, paths, pixel, 3u));
 #endif
     uint samples = n_samples[pixel];
-    for (uint slot = first; slot < end; slot += step, samples++) {
+    for (uint slot = slots.first; slot < slots.end; slot += slots.step, samples++) {
         const Spectrum radiance = path_spectrum(paths, PS_RADIANCE, slot);
         if (!spectrum_is_finite(radiance)) atomic_inc(nonfinite);
 #if FURCL_VARIANCE

@@ -33,5 +33,11 @@ __kernel void generate(
 #if FURCL_LIGHT_SAMPLING
     set_path_float(paths, PS_DIR_PDF, slot, 0.0f);
 #endif
+#if FURCL_FIRST_HITS
+    set_path_uint(paths, PS_HIT_SEGMENT, slot, FURCL_NO_SEGMENT);  /* as long as nothing is met */
+#endif
+#if FURCL_LIGHT_LAYERS
+    set_path_uint(paths, PS_FIRST, slot, FURCL_NOTHING_MET);
+#endif
     queue[FURCL_SLOT(paths, slot)] = slot;
 }

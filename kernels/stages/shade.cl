@@ -22,7 +22,11 @@ static inline float4 point_on_fibre(Paths paths, uint slot, __global const Store
    (docs/model.md, Light samples). */
 static inline void add_light_sample(
     Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
-    __global const float* light, float4 xi, float4 choice, float3 sampler_xi)
+    __global const float* light, float4 xi, float4 choice, float3 sampler_xi
+#if FURCL_LAYER_LOBES
+    , Spectrum* of_lobe
+#endif
+    )
 {
     const ChosenLight chosen = choose_light(light, at.xyz, xi.xy, choice);
     const LightSample sample = chosen.sample;
@@ -32,11 +36,45 @@ static inline void add_light_sample(
 #if FURCL_AREA_LAMPS
     bounce->light_lamp = chosen.lamp;
 #endif
-    const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi);
+#if FURCL_LAYER_LOBES
+    Spectrum before_lobe[FURCL_LOBES + 1];
+#endif
+    const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi
+#if FURCL_LAYER_LOBES
+        , before_lobe
+#endif
+        );
     bounce->light = sample.pdf > 0.0f
         ? towards.value * spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
         : spectrum(0.0f);
+#if FURCL_LAYER_LOBES
+    const Spectrum scale = sample.pdf > 0.0f
+        ? spectrum_from3(sample.radiance) / (sample.pdf + rival_density(&chosen, towards.pdf))
+        : spectrum(0.0f);
+    for (uint p = 0u; p < FURCL_LOBES; p++)
+        of_lobe[p] = (before_lobe[p + 1u] - before_lobe[p]) * scale;
+#endif
 }
+#endif
+
+#if FURCL_LAYER_LOBES
+
+/* The layer of a lobe of the material. */
+static inline uint layer_of_lobe(uint lobe) { return (uint)(FURCL_LAYERS_OF_LOBES >> (4u * lobe)) & 15u; }
+
+#if FURCL_LIGHT_SAMPLING
+/* Keeps the first light sample lobe by lobe, for intersect_shadow to say whether it is seen. */
+static inline void keep_first_light(Paths paths, uint slot, const Spectrum* of_lobe, PathQueues to)
+{
+    for (uint i = 0u; i < FURCL_LOBE_LAYERS; i++)
+        set_path_spectrum(paths, PS_FIRST_LIGHT_0 + FURCL_CHANNELS * i, slot, spectrum(0.0f));
+    for (uint p = 0u; to.shadow && p < FURCL_LOBES; p++)
+        set_path_spectrum(paths, PS_FIRST_LIGHT_0 + FURCL_CHANNELS * layer_of_lobe(p), slot,
+                          of_lobe[p] * to.light_scale);
+    set_path_uint(paths, PS_FIRST_SEEN, slot, 0u);
+}
+#endif
+
 #endif
 
 /* The next ray, of weight 0 where no lobe was chosen. */
@@ -49,6 +87,12 @@ static inline Bounce scatter_at_fibre(
     bounce.from_segment = path_uint(paths, PS_HIT_SEGMENT, slot);
     bounce.weight = spectrum(0.0f);
     const uint lobe = path_uint(paths, PS_LOBE, slot);
+#if FURCL_LIGHT_LAYERS
+    bounce.first = 0u;
+#endif
+#if FURCL_LAYER_LOBES
+    if (lobe < FURCL_LOBES) bounce.first = layer_of_lobe(lobe);
+#endif
     if (lobe >= FURCL_LOBES) return bounce;
     const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, in, path_float(paths, PS_OFFSET_H, slot));
     const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
@@ -102,35 +146,51 @@ __kernel void shade(
         const Lanes4 light_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
                                               bounce_dimension(depth, DIM_LIGHT));
 #endif
+        /* Of roulette and, for light samples of lobes whose h it draws, of the sampler. */
+        bool needed = roulette_plays(&wave, depth);
+#if FURCL_LIGHT_SAMPLING && (FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI)
+        needed = true;
+#endif
+        Lanes4 ending_xi = {0.0f, 0.0f, 0.0f, 0.0f};
+        if (needed)
+            ending_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
+                                      bounce_dimension(depth, DIM_ROULETTE));
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
 #if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
             take_absorption(&fibre, values, paths, slot);
 #endif
-            const uint pixel = uint_lane(&hits.pixel, k), sample = uint_lane(&hits.sample, k);
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
             const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
             const float4 at = point_on_fibre(paths, slot, vertices);
             Bounce bounce =
                 scatter_at_fibre(paths, slot, &frame, &fibre, &in, at, lane4(&hits.xi, k));
 #if FURCL_LIGHT_SAMPLING
-            float3 sampler_xi = (float3)(0.0f);
-#if FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI
-            sampler_xi = uniform4(wave.seed, pixel, sample, bounce_dimension(depth, DIM_ROULETTE)).yzw;
-#endif
             float4 choice = (float4)(0.0f);
 #if FURCL_LAMPS
-            choice = light_choice_numbers(wave.seed, pixel, sample, depth);
+            choice = light_choice_numbers(wave.seed, uint_lane(&hits.pixel, k),
+                                          uint_lane(&hits.sample, k), depth);
+#endif
+#if FURCL_LAYER_LOBES
+            Spectrum of_lobe[FURCL_LOBES];
 #endif
             add_light_sample(
-                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice, sampler_xi);
+                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
+                lane4(&ending_xi, k).yzw
+#if FURCL_LAYER_LOBES
+                , of_lobe
 #endif
-            const PathQueues to = continue_path(paths, slot, pixel, sample, &wave, depth, &bounce
+                );
+#endif
+            const PathQueues to = continue_path(paths, slot, lane(&ending_xi.x, k), &wave, depth, &bounce
 #if FURCL_LEARNING
                 , &learned
 #endif
                 );
+#if FURCL_LAYER_LOBES && FURCL_LIGHT_SAMPLING
+            if (depth == 0u) keep_first_light(paths, slot, of_lobe, to);
+#endif
             if (to.next) append_slot(&next, slot);
             if (to.shadow) append_slot(&shadows, slot);
         }

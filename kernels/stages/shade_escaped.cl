@@ -13,8 +13,11 @@
 __kernel void shade_escaped(
     __global float* state, __global const uint* miss_queue, __global const uint* counts,
     const Wave wave, __global const float* light
+#if FURCL_LEARNING || FURCL_TRANSPARENT
+    , const uint depth
+#endif
 #if FURCL_LEARNING
-    , const uint depth, __global uint* records
+    , __global uint* records
 #endif
     )
 {
@@ -42,6 +45,13 @@ __kernel void shade_escaped(
             const Learned learned = {0, records, wave.n_slots};
             record_arrival(&learned, depth, slot, spectrum_mean(path_spectrum(paths, PS_RADIANCE, slot)), true);
         }
+#endif
+#if FURCL_TRANSPARENT
+        bool behind = depth == 0u;
+#if FURCL_AREA_LAMPS
+        behind = behind && path_uint(paths, PS_HIT_SEGMENT, slot) != FURCL_LAMP_HIT;
+#endif
+        if (behind) continue;
 #endif
         set_path_spectrum(paths, PS_RADIANCE, slot,
             path_spectrum(paths, PS_RADIANCE, slot) + path_spectrum(paths, PS_THROUGHPUT, slot) * radiance);
