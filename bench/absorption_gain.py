@@ -3,8 +3,8 @@
     python bench/absorption_gain.py
 
 Prints, for the light and the dark part of a fibre, the relative deviation of the weights of
-attenuation-cdf, root mean square over inclinations: with tables made for each part, with tables mixed
-between absorptions, and with one table for all, made for the mean of the two absorptions.
+attenuation-cdf, root mean square over inclinations: with tables made for each part, with tables
+mixed between absorptions, and with one table for all, made for the mean of the two absorptions.
 """
 
 from __future__ import annotations
