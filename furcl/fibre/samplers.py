@@ -18,7 +18,10 @@ from furcl.paths import kernel_folder
 from furcl.registry import Registry
 
 FUNCTIONS = ("joint_densities", "sample_lobe_and_offset")
-TABLE_FUNCTIONS = ("table_rows", "joint_density", "lobe_cdf", "bin_cdf")
+TABLE_FUNCTIONS = (
+    "table_rows", "joint_density", "lobe_cdf", "bin_cdf",
+    "mixed_density", "lobe_cdf_of", "bin_cdf_of",
+)  # fmt: skip
 
 Angles = Literal["uniform", "profile"]
 
