@@ -20,6 +20,7 @@ from pathlib import Path
 from tables import filled
 
 import furcl
+from furcl.bench.features import preprocessed
 from furcl.device.choice import Device
 from furcl.paths import kernel_folder
 from furcl.rendering.renderer import Renderer
@@ -84,9 +85,11 @@ def count(scene: str = SCENE, device: str | Device | None = None) -> Count:
 
 
 def _files_of(text: str) -> set[Path]:
-    """The files that an expanded kernel names."""
+    """The files of which the compiler sees something in an expanded kernel."""
     folder = kernel_folder()
-    labels = set(re.findall(r'^#line 1 "(.+)"$', text, re.M))
+    # In front of the first line of a file, which only the text of that file has.
+    marked = re.sub(r'^#line 1 "(.+)"$', r'#line 1 "\1"\nfurcl_file("\1")', text, flags=re.M)
+    labels = set(re.findall(r'furcl_file\("(.+)"\)', preprocessed(marked)))
     places = [(folder / label, folder / "include" / label) for label in labels]
     return {next(place for place in both if place.is_file()) for both in places}
 

@@ -52,6 +52,10 @@ class BvhError(FurclError):
     """The Embree library cannot be used, or a hierarchy that does not hold its segments."""
 
 
+class MeshError(FurclError):
+    """A mesh that cannot be read or used."""
+
+
 class ImageError(FurclError):
     """An image file that cannot be read, written or compared."""
 

@@ -31,6 +31,7 @@ from furcl.rendering.specialise import everything_on
 from furcl.rendering.wavefront import stage_defines, stage_files
 from furcl.scene.read import load_scene, with_overrides
 from furcl.surface.ellipsoid import PART
+from furcl.surface.mesh.mesh import MeshPart
 
 EVERY_LAYER = LayerPart(LAYERS, tuple(lobe.name for lobe in MODEL.lobes))
 
@@ -62,6 +63,7 @@ VALUES = {
     "light_sampling": (False, True),
     "point_radii": (False, True),
     "surface": (None, PART),
+    "meshes": (None, *(MeshPart(*flags) for flags in itertools.product((False, True), repeat=3))),
     "lens": (False, True),
     "orthographic": (False, True),
     "crop": (False, True),
@@ -262,10 +264,14 @@ ABSENT = [
     ({"residual": False}, "shade", ("residual_attenuation",)),
     ({"light_sampling": False}, "shade", ("light_sample(", "light_density(")),
     ({"point_radii": False}, "sample_lobe_h", ("typedef float4 StoredVertex",)),
-    ({"surface": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
+    ({"surface": None, "meshes": None}, "intersect_closest", ("surface_hit(", "PS_HIT_T")),
     ({"fibres": 1}, "intersect_closest", ("material_of_vertex(",)),
     ({"absorption": "constant"}, "shade", ("take_absorption(", "mixed_node(", "absorptions")),
     ({"absorption": "point"}, "shade", ("strand_of_vertex(", "popcount")),
+    ({"meshes": None}, "intersect_closest", ("mesh_blocks", "reach", "behind")),
+    ({"meshes": MeshPart(textures=False)}, "shade_surface", ("texture_colour(",)),
+    ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
+    ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"layers": None}, "generate", ("PS_FIRST", "set_path_uint(paths, PS_HIT_SEGMENT")),
     ({"layers": None}, "shade", ("note_for_layers(", "before_lobe", "PS_FIRST_LIGHT_0")),
@@ -296,6 +302,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
         "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
         "sequence": "sobol", "planned": True, "fibres": 2, "absorption": "strand",
         "shadow_roulette": True, "learning": LearningPart(),
+        "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:
@@ -305,8 +312,9 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     assert len(gone) < len(there) or changes == {"point_radii": False}
 
 
-def test_a_surface_has_stages_of_its_own(device):
-    with_surface, without = (set(stage_files(_features({"surface": s}))) for s in (PART, None))
+@pytest.mark.parametrize("there", [{"surface": PART}, {"meshes": MeshPart()}])
+def test_surfaces_have_stages_of_their_own(there):
+    with_surface, without = (set(stage_files(_features(values))) for values in (there, {}))
     assert with_surface - without == {"shade_surface"}
 
 

@@ -121,7 +121,7 @@ def test_key_covers_all_that_decides_a_binary(device, tmp_path, monkeypatch, cha
     ],
 )
 def test_only_what_a_kernel_names_rebuilds_it(device, file, change, rebuilt):
-    extra = {**path_defines(device), **ray_defines(device)}
+    extra = {**path_defines(device), **ray_defines(device), "FURCL_TRIANGLES": 0}
     keys = [
         kernel_cache.cache_key(device, kernel_text(file, features, extra), OPTIONS)
         for features in (Features(), Features(**change))

@@ -123,8 +123,8 @@ def test_light_samples_change_no_mean(device, by_chance, choice):
 
 
 def box():
-    """Six quads of radiance 1 that look inwards, the sides of a box around the scene, turned so that
-    no direction is special."""
+    """Six quads of radiance 1 that look inwards, the sides of a box around the scene, turned so
+    that no direction is special."""
     turned = Transform(rotate_deg=(20.0, 35.0, 50.0)).as_matrix()
     faces = [(0, 0, 0), (180, 0, 0), (90, 0, 0), (-90, 0, 0), (0, 90, 0), (0, -90, 0)]
     sides = {}

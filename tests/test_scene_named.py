@@ -40,7 +40,7 @@ file = "brows.hair"
 
 @pytest.fixture
 def two(tmp_path):
-    (tmp_path / "brows.hair").touch()
+    (tmp_path / "brows.hair").write_bytes(b"HAIR")
     path = tmp_path / "two.toml"
     path.write_text(TWO)
     return path

@@ -28,7 +28,7 @@ RANGES = [
 
 
 # What examples call a thing of which a scene may have several.
-NAMES = {"groom": "scalp", "lamp": "key"}
+NAMES = {"groom": "scalp", "lamp": "key", "mesh": "head"}
 
 
 def path(section: make_scene.Section) -> list[str]:

@@ -24,7 +24,7 @@ CHUNK_SEGMENTS = 1 << 20
 #: The buffers that `build_bvh` leaves in the memory that it is given.
 BUFFERS = ("bvh", "vertices", "strands")
 
-_BLOCK_BYTES = 4 * BLOCK_WORDS
+BLOCK_BYTES = 4 * BLOCK_WORDS
 _UPLOAD_POINTS = 1 << 18
 #: How much larger than the chunks so far let expect the buffer of a tree of many chunks is made.
 _ROOM = 1.02
@@ -131,11 +131,11 @@ def build_bvh(
     ResourceError, KernelBuildError
     """
     start = time.perf_counter()
-    vertices = _upload_vertices(memory, curves, point_radii)
+    vertices = upload_vertices(memory, "vertices", curves.points, curves.radii, point_radii)
     n_chunks = 1
     while n_chunks * chunk_segments < curves.n_segments:
         n_chunks *= 8  # as many as fill the lanes of the blocks above them
-    spare_bytes = _BLOCK_BYTES + index_checks.RECORD_BYTES if debug else 0
+    spare_bytes = BLOCK_BYTES + index_checks.RECORD_BYTES if debug else 0
     blocks, n_blocks, stack_size = _build_blocks(
         memory, curves, vertices, point_radii, n_chunks, spare_bytes
     )
@@ -168,7 +168,7 @@ def no_geometry(memory: Memory) -> list[cl.Buffer]:
 def watch(checks: index_checks.IndexChecks, geometry: list[cl.Buffer], n_vertices: int) -> None:
     """Watch the indices of a tree: its record is behind the ends of strands."""
     blocks, _, strands = geometry
-    n_blocks = (blocks.size - index_checks.RECORD_BYTES) // _BLOCK_BYTES - 1
+    n_blocks = (blocks.size - index_checks.RECORD_BYTES) // BLOCK_BYTES - 1
     checks.watch(strands, n_vertices=n_vertices, n_blocks=n_blocks)
 
 
@@ -186,18 +186,25 @@ def _offsets(strands: NDArray[np.uint32]) -> NDArray[np.uint32]:
     return np.concatenate([[0], np.flatnonzero(ends) + 1]).astype(np.uint32)
 
 
-def _upload_vertices(memory: Memory, curves: Curves, point_radii: bool) -> cl.Buffer:
-    """What kernels/include/geometry/curve.clh reads, copied a part at a time."""
-    n, width = curves.n_points, 4 if point_radii else 3
+def upload_vertices(
+    memory: Memory,
+    name: str,
+    points: NDArray[np.float32],
+    radii: NDArray[np.float32],
+    point_radii: bool,
+) -> cl.Buffer:
+    """What kernels/include/geometry/curve.clh reads of points (n, 3) and radii (n,), copied a part
+    at a time."""
+    n, width = len(points), 4 if point_radii else 3
     head = np.zeros(0 if point_radii else 1, np.float32)
-    head[:] = curves.radii[0]
-    buffer = memory.allocate("vertices", 4 * (width * n + 2 * len(head)))
+    head[:] = radii[0]
+    buffer = memory.allocate(name, 4 * (width * n + 2 * len(head)))
     part = np.empty((min(_UPLOAD_POINTS, n), width), np.float32)
     for begin in range(0, n, _UPLOAD_POINTS):
         end = min(begin + _UPLOAD_POINTS, n)
-        part[: end - begin, :3] = curves.points[begin:end]
+        part[: end - begin, :3] = points[begin:end]
         if point_radii:
-            part[: end - begin, 3] = curves.radii[begin:end]
+            part[: end - begin, 3] = radii[begin:end]
         _write(memory, buffer, part[: end - begin], head.nbytes + part.itemsize * width * begin)
     if not point_radii:
         _write(memory, buffer, head, 0)
@@ -226,7 +233,7 @@ def _build_blocks(
         sizes = chunks.sizes
         lanes = top_lanes(len(sizes), chunks.stray)
     lo, hi = curves.bounds()
-    blocks = memory.allocate("bvh", _BLOCK_BYTES)  # grows with what is learnt of the chunks
+    blocks = memory.allocate("bvh", BLOCK_BYTES)  # grows with what is learnt of the chunks
     roots, ends = [], [len(lanes)]
     with memory.scratch() as scratch:
         builder = ChunkBuilder(
@@ -254,9 +261,9 @@ def _with_room(
     memory: Memory, blocks: cl.Buffer, n_blocks: int, share: float, spare_bytes: int
 ) -> cl.Buffer:
     """A buffer for `n_blocks` blocks, or for the rest too if they are a `share` of the tree."""
-    if blocks.size >= _BLOCK_BYTES * n_blocks + spare_bytes:
+    if blocks.size >= BLOCK_BYTES * n_blocks + spare_bytes:
         return blocks
     if share < 1.0:
         n_blocks = max(n_blocks, math.ceil(_ROOM * n_blocks / share))
-    n_bytes = _BLOCK_BYTES * n_blocks + spare_bytes
+    n_bytes = BLOCK_BYTES * n_blocks + spare_bytes
     return memory.grow("bvh", blocks, n_bytes, zero=spare_bytes > 0)

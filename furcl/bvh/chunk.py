@@ -57,6 +57,7 @@ class ChunkBuilder:
     point_radii : bool          whether they have a radius each
     size : float                of the groom, any measure of it
     capacity : int              segments of the largest chunk
+    triangles : bool            triangles of three vertices each take the place of segments
 
     Raises
     ------
@@ -64,7 +65,13 @@ class ChunkBuilder:
     """
 
     def __init__(
-        self, scratch: Memory, vertices: cl.Buffer, point_radii: bool, size: float, capacity: int
+        self,
+        scratch: Memory,
+        vertices: cl.Buffer,
+        point_radii: bool,
+        size: float,
+        capacity: int,
+        triangles: bool = False,
     ) -> None:
         self._scratch = scratch
         self._vertices = vertices
@@ -76,7 +83,10 @@ class ChunkBuilder:
         self._levels: list[tuple[int, int]] = []
         self._n_blocks = 0
         built = program.build(
-            scratch.device, "prepare/bvh_build.cl", Features(point_radii=point_radii)
+            scratch.device,
+            "prepare/bvh_build.cl",
+            Features(point_radii=point_radii),
+            {"FURCL_TRIANGLES": int(triangles)},
         )
         names = ("bound_segments", "summarise", "place_blocks", "fill_blocks")
         self._bound, self._summarise, self._place, self._fill = (

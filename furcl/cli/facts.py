@@ -15,6 +15,7 @@ from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves
 from furcl.groom.joined import Grooms
 from furcl.scene.tables import Film, Scene
+from furcl.surface.mesh.mesh import Meshes
 
 if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.device.choice import Device
@@ -40,10 +41,10 @@ def of_scene(scene: Scene) -> dict[str, str]:
 
     Raises
     ------
-    GroomError, ImageError      if a file that the scene names cannot be used
+    GroomError, ImageError, MeshError       if a file that the scene names cannot be used
     """
     film, render = scene.film, scene.render
-    grooms = scene.build_grooms()
+    grooms, meshes = scene.build_grooms(), scene.build_meshes()
     curves = grooms.curves
     return {
         "scene": scene.name,
@@ -53,7 +54,11 @@ def of_scene(scene: Scene) -> dict[str, str]:
         "render": f"{render.spp} spp, {render.sampling}, at most {render.max_depth} bounces",
         **_of_grooms(grooms, list(scene.materials())),
         **_of_curves(curves),
-        **{f"warning {n}": said for n, said in enumerate(warnings.of_scene(scene, curves), 1)},
+        **_of_meshes(scene, meshes),
+        **{
+            f"warning {n}": said
+            for n, said in enumerate(warnings.of_scene(scene, curves, meshes), 1)
+        },
     }
 
 
@@ -161,6 +166,24 @@ def _of_curves(curves: Curves) -> dict[str, str]:
     }
 
 
+def _of_meshes(scene: Scene, meshes: Meshes | None) -> dict[str, str]:
+    if meshes is None:
+        return {}
+    facts = {}
+    for name, mesh in zip(scene.mesh, meshes.meshes, strict=True):
+        lower, upper = mesh.triangles.bounds()
+        said = [
+            f"{len(mesh.triangles)} triangles",
+            "closed" if mesh.triangles.is_closed else "open",
+            f"{_point(lower)} to {_point(upper)}",
+        ]
+        if mesh.texture is not None:
+            said.append(f"a texture of {mesh.texture.shape[1]} x {mesh.texture.shape[0]}")
+        said += [f"{count} {what}" for what, count in mesh.triangles.dropped.items()]
+        facts[f"mesh {name}"] = ", ".join(said)
+    return facts
+
+
 def _counts(left_out: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {name}" for name, count in left_out.items() if count) or "nothing"
 
@@ -204,10 +227,10 @@ def _medulla(profiles: MedullaProfiles | None) -> str:
 
 
 def _memory(memory: Memory) -> dict[str, str]:
-    from furcl.bvh import build
+    from furcl.bvh import build, triangles
 
     groups = {
-        "geometry": build.BUFFERS,
+        "geometry": (*build.BUFFERS, *triangles.BUFFERS, "mesh shading"),
         "material": ("material",),
         "film": ("film", "film samples", "nonfinite"),
     }

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from furcl.groom.curves import Curves
 from furcl.scene.camera import Camera
 from furcl.scene.tables import Scene
+from furcl.surface.mesh.mesh import Meshes
 from furcl.surface.model import Surface
 
 Array = NDArray[np.float64]
@@ -21,17 +22,19 @@ THIN_PX = 1e-3
 LONG_SPP = 1e11  # samples of all pixels: hours on any machine
 
 
-def of_scene(scene: Scene, curves: Curves) -> Iterator[str]:
+def of_scene(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> Iterator[str]:
     """Reasons why the picture may be black, empty, coarse or slow; one sentence each."""
     for name in scene.material.keys() - scene.materials().keys():
         yield f"material {name} is of no groom: no groom names it"
     points = _some(curves)
-    camera = scene.resolved_camera(curves)
+    camera = scene.resolved_camera(curves, meshes)
     lower, upper = (bound.astype(np.float64) for bound in curves.bounds())
     yield from _of_places(lower, upper, points)
     yield from _of_view(scene, camera, points, curves)
     if scene.body is not None:
         yield from _of_body(scene.body, camera, points)
+    if meshes is not None:
+        yield from _of_meshes(meshes, lower, upper)
     samples = scene.film.window.n_pixels * scene.render.spp
     if samples > LONG_SPP:
         yield f"{samples:.1g} samples of all pixels take hours or days; reduce spp or the film"
@@ -88,3 +91,14 @@ def _of_body(body: Surface, camera: Camera, points: Array) -> Iterator[str]:
         yield "the camera is inside the body, which stops all light; move one of them"
     if body.contains(points).all():
         yield "the whole groom is inside the body, which hides it; make the body smaller"
+
+
+def _of_meshes(meshes: Meshes, lower: Array, upper: Array) -> Iterator[str]:
+    """A mesh in other units, or with another axis up, stands beside the groom."""
+    points = meshes.points()
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    if (low > upper).any() or (high < lower).any():
+        yield (
+            "the meshes and the groom are beside each other: have they other units, or another "
+            "axis that is up? Give the mesh a transform"
+        )

@@ -43,8 +43,8 @@ class Part(Protocol):
 class Features:
     """Everything that changes the text of a kernel. Frozen; the key of the kernel cache.
 
-    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface>, <learning>
-    and <layers>; None where a kernel has nothing to do with them, or the scene has none.
+    The parts are the virtual includes <fibre>, <sampler>, <light>, <lamps>, <surface>, <meshes>,
+    <learning> and <layers>; None where a kernel has nothing to do with them, or the scene has none.
 
     Attributes
     ----------
@@ -53,6 +53,7 @@ class Features:
     light : Part or None        the environment, see furcl.light.model
     lamps : Part or None        see furcl.light.lamps
     surface : Part or None      a surface beside the strands, see furcl.surface
+    meshes : Part or None       meshes of triangles, see furcl.surface.mesh
     learning : Part or None     what is learned while rendering, see furcl.rendering.learning
     layers : Part or None       layers of the film, see furcl.rendering.layers
     fibres : int                fibre materials of the scene, each with kernels of its own
@@ -79,6 +80,7 @@ class Features:
     light: Part | None = None
     lamps: Part | None = None
     surface: Part | None = None
+    meshes: Part | None = None
     learning: Part | None = None
     layers: Part | None = None
     fibres: int = 1
@@ -106,9 +108,14 @@ class Features:
         return {name: part for name, part in found.items() if part is not None}
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether there is more to hit than fibres and lamps."""
+        return self.surface is not None or self.meshes is not None
+
+    @property
     def hit_queues(self) -> int:
-        """Queues of hits: one for each fibre material, the last for the surface if there is one."""
-        return self.fibres + (self.surface is not None)
+        """Queues of hits: one for each fibre material, the last for surfaces if there are some."""
+        return self.fibres + self.has_surfaces
 
     @property
     def light_at_infinity(self) -> bool:
@@ -138,11 +145,12 @@ class Features:
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)
+        values["FURCL_MESHES"] = int(self.meshes is not None)
         values["FURCL_LEARNING"] = int(self.learning is not None)
         values["FURCL_ENVIRONMENT"] = int(self.light is not None)
         values["FURCL_LIGHT_AT_INFINITY"] = int(self.light_at_infinity)
         values["FURCL_SHADOW_DISTANCES"] = int(self.shadow_distances)
-        values |= NO_SAMPLER | NO_LAMPS | NO_LAYERS
+        values |= NO_SAMPLER | NO_LAMPS | NO_MESHES | NO_LAYERS
         for part in self.parts.values():
             values |= part.defines()
         values["FURCL_LAYERS_OF_LOBES"] = self._layers_of_lobes()
@@ -209,13 +217,17 @@ NO_LAYERS = {
 # What the part of lamps defines, for scenes without any.
 NO_LAMPS = {"FURCL_LAMPS": 0, "FURCL_AREA_LAMPS": 0, "FURCL_LAMP_DISTANT": 0}
 
-PARTS = ("fibre", "sampler", "light", "lamps", "surface", "learning", "layers")
+# What the part of meshes defines, for kernels without them.
+NO_MESHES = {"FURCL_MESH_NORMALS": 0, "FURCL_MESH_TEXTURES": 0, "FURCL_MESH_EMISSION": 0}
+
+PARTS = ("fibre", "sampler", "light", "lamps", "surface", "meshes", "learning", "layers")
 PLAIN_NAMES = {
     "fibre": "model",
     "sampler": "sampling",
     "light": "environment",
     "lamps": "lamps",
     "surface": "body",
+    "meshes": "meshes",
     "learning": "learning",
     "layers": "layers",
 }

@@ -24,6 +24,8 @@ Fields = tuple[tuple[str, str], ...]
 NO_SEGMENT = 0xFFFFFFFF
 SURFACE_HIT = 0xFFFFFFFE
 LAMP_HIT = 0xFFFFFFFD
+# Of triangles: this and the number of the first of their vertices. Segments are below.
+TRIANGLE = 0x80000000
 NO_LAMP = 0xFFFFFFFF
 NO_BLOCK = 0xFFFFFFFF
 NOTHING_MET = 0xFFFFFFFF
@@ -122,6 +124,7 @@ def _constants() -> dict[str, str]:
     words = {
         "NO_SEGMENT": NO_SEGMENT,
         "SURFACE_HIT": SURFACE_HIT,
+        "TRIANGLE": TRIANGLE,
         "LAMP_HIT": LAMP_HIT,
         "NO_LAMP": NO_LAMP,
         "NO_BLOCK": NO_BLOCK,
@@ -260,11 +263,11 @@ class Plane:
 PATH_STATE = (
     Plane("ORIGIN", 3),
     Plane("DIR", 3),  # unit
-    Plane("FROM_SEGMENT", 1),  # uint: segment that the ray leaves; NO_SEGMENT for camera rays
+    Plane("FROM_SEGMENT", 1),  # uint: segment or triangle that the ray leaves; camera: NO_SEGMENT
     Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
     Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
-    Plane("HIT_T", 1, lambda f: f.surface is not None or f.area_lamps),  # fibres need HIT_U alone
-    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, NO_SEGMENT or *_HIT
+    Plane("HIT_T", 1, lambda f: f.has_surfaces or f.area_lamps),  # fibres need HIT_U alone
+    Plane("HIT_SEGMENT", 1),  # uint: first vertex of the segment, TRIANGLE + that, or *_HIT
     Plane("HIT_U", 1),  # along the segment, 0..1; of LAMP_HIT which lamp
     Plane("THROUGHPUT", "spectrum"),
     Plane("RADIANCE", "spectrum"),

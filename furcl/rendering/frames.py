@@ -95,7 +95,8 @@ def render_frames(
     scene = with_overrides(scene, **changes)
     given = curves.result() if isinstance(curves, Future) else curves
     grooms = scene.build_grooms() if given is None else Grooms.of(given)
-    cameras = orbit(scene, grooms.curves, [orbit_deg * i / len(frames) for i in range(len(frames))])
+    angles = [orbit_deg * i / len(frames) for i in range(len(frames))]
+    cameras = orbit(scene, grooms.curves, angles, scene.build_meshes())
     renderer = None
     for frame, camera in zip(frames, cameras, strict=True):
         if renderer is None:

@@ -30,8 +30,8 @@ MOST_STRANDS = 1 << 24
 # Ids of a pixel that are counted, twice as many as are written: one that comes late finds a place.
 RANKS = 6
 RANKED_IDS = 2 * RANKS
-# What kernels/stages/first_hits.cl has in the place of a strand where a surface is nearest.
-_ON_SURFACE = 0xFFFFFFFF
+# What kernels/stages/first_hits.cl has in the place of a strand + 1 where no fibre is nearest.
+_NO_STRAND = 0xFFFFFFFF
 
 # Layers that are means over what camera rays meet -> numbers, and the EXR channels they are.
 MEANS: dict[str, tuple[str, ...]] = {
@@ -139,7 +139,7 @@ class LayerBuffers:
 
     Raises
     ------
-    ImageError      cryptomatte without the package that it needs
+    ImageError      cryptomatte is asked for and its package is missing
 
     Attributes
     ----------
@@ -149,8 +149,6 @@ class LayerBuffers:
     def __init__(self, memory: Memory, n_pixels: int, features: Features) -> None:
         part = features.layers
         assert isinstance(part, LayerPart)
-        if any(name in CRYPTOMATTES for name in part.names):
-            hash_bits("")  # says before the render what is missing
         self._memory, self.part, self.features = memory, part, features
         self.n_pixels = n_pixels
 
@@ -166,11 +164,13 @@ class LayerBuffers:
         self.nearest = allocate(any(n in NEAREST for n in names), "nearest", 2)
         ranks = {name: allocate(name in names, name, 2 * RANKED_IDS) for name in CRYPTOMATTES}
         self.ranks = {name: buffer for name, buffer in ranks.items() if buffer is not None}
+        if self.ranks:
+            hash_bits("")  # says before the work that its package is missing
         # Until `place`, something for kernels that are launched over nothing.
         defines = part.defines()
         self._ids: list[Any] = [self.first_hits] if defines["FURCL_STRAND_IDS"] else []
         self._grooms: list[Any] = (
-            [self.first_hits, np.uint32(0)] if "cryptomatte_groom" in names else []
+            [self.first_hits, np.uint32(0), np.uint32(0)] if "cryptomatte_groom" in names else []
         )
         self._names: list[str] = []
         self._first_strands = np.zeros(1, np.int64)
@@ -190,13 +190,14 @@ class LayerBuffers:
         for buffer in self.buffers:
             fill(queue, buffer, 0, buffer.size)
 
-    def place(self, grooms: Grooms, surfaces: Sequence[str]) -> None:
+    def place(self, grooms: Grooms, surfaces: Sequence[str], lamps: Sequence[str] = ()) -> None:
         """Set what strands and objects are.
 
         Parameters
         ----------
         grooms : Grooms             as rays meet them
-        surfaces : list of str      names of what else rays meet
+        surfaces : list of str      names of the surface and the meshes that rays meet
+        lamps : list of str         names of the lamps that have a place, one a record
 
         Raises
         ------
@@ -209,14 +210,16 @@ class LayerBuffers:
                 f"{MOST_STRANDS} fit a channel, take cryptomatte_strand instead"
             )
         self._first_strands = np.array([*grooms.first_strands, curves.n_strands])
-        self._names = [*(groom.name for groom in grooms.grooms), *surfaces]
+        self._names = [*(groom.name for groom in grooms.grooms), *surfaces, *lamps]
         if self._ids:
             words = 32 * np.arange(-(-curves.n_points // 32))
             before = np.searchsorted(curves.offsets[1:] - 1, words).astype(np.uint32)
             self._ids = [self._memory.upload("layers strands", before)]
         if self._grooms:
             starts = curves.offsets[grooms.first_strands].astype(np.uint32)
-            self._grooms = [self._memory.upload("layers grooms", starts), np.uint32(len(starts))]
+            uploaded = self._memory.upload("layers grooms", starts)
+            first_lamp = len(starts) + len(surfaces)
+            self._grooms = [uploaded, np.uint32(len(starts)), np.uint32(first_lamp)]
 
     def first_hit_arguments(self) -> list[Any]:
         """Those of add_first_hits that are the layers' own, after the geometry."""
@@ -287,7 +290,7 @@ class LayerBuffers:
         }
         if "lobes" in self.part.names:
             names = [*(f"lobe_{lobe}" for lobe in self.part.lobes), "lobe_surface"]
-            if self.features.surface is None:
+            if not self.features.has_surfaces:
                 names.pop()
             layers |= {name: places["LOBES"] + n * i for i, name in enumerate(names)}
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -300,7 +303,7 @@ class LayerBuffers:
     def _nearest_channels(self, shape: tuple[int, ...]) -> dict[str, Array]:
         assert self.nearest is not None
         strand = self._memory.read(self.nearest, (*shape, 2), np.uint32)[..., 1].astype(np.int64)
-        strand = np.where(strand == _ON_SURFACE, 0, strand) - 1
+        strand = np.where(strand == _NO_STRAND, 0, strand) - 1
         groom = np.searchsorted(self._first_strands, strand, side="right") - 1
         found = {"groom": groom, "strand": strand - self._first_strands[np.maximum(groom, 0)]}
         return {

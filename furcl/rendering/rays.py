@@ -1,4 +1,4 @@
-"""Plain arrays of rays through the tree of a groom, for benchmarks and tests."""
+"""Plain arrays of rays through the trees of a groom and of meshes, for benchmarks and tests."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from furcl.bvh.build import build_bvh
+from furcl.bvh.triangles import build_triangle_bvh
 from furcl.device import program
 from furcl.device.choice import Device
 from furcl.device.features import Features
@@ -14,6 +15,7 @@ from furcl.device.launch import ray_defines, ray_grid
 from furcl.device.layout import NO_SEGMENT
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
+from furcl.surface.mesh.mesh import MeshPart
 
 
 class Rays:
@@ -25,7 +27,8 @@ class Rays:
     directions : (n, 3) float32         unit length
     t_max : (n,) float32 or scalar      largest distance of a hit
     from_segment : (n,) uint32 or None  segment on whose axis the ray begins (its first vertex), or
-                                        NO_SEGMENT: the ray does not hit the fibre that it leaves
+                                        NO_SEGMENT: the ray does not hit the fibre that it leaves;
+                                        beside meshes a triangle too, TRIANGLE + its first vertex
     """
 
     def __init__(
@@ -51,15 +54,17 @@ class Rays:
 
 
 class Tracer:
-    """A groom's tree on a device, and the kernels that send plain arrays of rays through it.
+    """Trees on a device, and the kernels that send plain arrays of rays through them.
 
     Parameters
     ----------
     point_radii : bool      False where all points have one radius; then it is stored once
+    corners : (n, 3, 3) float32 or None     triangles beside the groom
 
     Attributes
     ----------
-    bvh : Bvh               the tree, built here
+    bvh : Bvh               the tree of the groom, built here
+    mesh_bvh : TriangleBvh or None      that of the triangles
 
     Raises
     ------
@@ -68,12 +73,24 @@ class Tracer:
     ResourceError       if the tree does not fit the device
     """
 
-    def __init__(self, device: Device, curves: Curves, point_radii: bool = True) -> None:
+    def __init__(
+        self,
+        device: Device,
+        curves: Curves,
+        point_radii: bool = True,
+        corners: NDArray[np.float32] | None = None,
+    ) -> None:
         self.device = device
         self.memory = Memory(device)
         self.bvh = build_bvh(self.memory, curves, point_radii)
         self.geometry = self.bvh.arguments()
-        features = Features(point_radii=point_radii)
+        self.mesh_bvh = None
+        if corners is not None:
+            self.mesh_bvh = build_triangle_bvh(self.memory, corners, point_radii)
+            self.geometry = [*self.geometry, *self.mesh_bvh.arguments()]
+        features = Features(
+            point_radii=point_radii, meshes=None if corners is None else MeshPart(normals=False)
+        )
         built = program.build(device, "tools/trace_rays.cl", features, ray_defines(device))
         self._closest = cl.Kernel(built, "trace_rays")
         self._shadow = cl.Kernel(built, "trace_shadow_rays")
@@ -96,14 +113,15 @@ class Tracer:
             *ray_grid(self.device, rays.n),
             np.uint32(rays.n),
             *rays.inputs,
-            rays.outputs[1],
+            *rays.outputs[:2],
             *self.geometry,
         )
 
     def hits(self, rays: Rays) -> tuple[NDArray, NDArray, NDArray]:
         """What `closest` found: t (n,) float32, segment (n,) uint32, u (n,) float32.
 
-        segment is the segment's first vertex; of a miss NO_SEGMENT, and t is the ray's t_max.
+        segment is the segment's first vertex, of triangles TRIANGLE + that; of a miss NO_SEGMENT,
+        and t is the ray's t_max.
         """
         t, segment, u = rays.outputs
         read = self.memory.read

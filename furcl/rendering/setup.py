@@ -14,6 +14,7 @@ import pyopencl as cl
 
 from furcl.bvh import embree
 from furcl.bvh.build import Bvh, build_bvh
+from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
@@ -35,6 +36,7 @@ from furcl.scene.camera import Camera
 from furcl.scene.tables import Film as FilmTable
 from furcl.scene.tables import Scene
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,8 @@ def set_up(
     timed = Timer()
     lights = scene.build_lights()
     fibres = scene.build_fibres()
-    features = scene_features(scene, list(fibres.values()), lights, with_target)
+    meshes = scene.build_meshes()
+    features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
 
     def take_grooms() -> Grooms:
         with timed("curves"):
@@ -121,15 +124,19 @@ def set_up(
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius)
 
-    def build_tree(grooms: Future[Grooms]) -> Bvh:
+    def build_trees(grooms: Future[Grooms]) -> tuple[Bvh, TriangleBvh | None]:
         grown = grooms.result().curves
+        radii = point_radii(grown)
         with timed("bvh"):
-            return build_bvh(memory, grown, point_radii(grown), debug=features.debug)
+            tree = build_bvh(memory, grown, radii, debug=features.debug)
+            if meshes is None:
+                return tree, None
+            return tree, build_triangle_bvh(memory, meshes.corners(), radii, debug=features.debug)
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
         taken = beside.submit(take_grooms)
-        tree = beside.submit(build_tree, taken)
+        trees = beside.submit(build_trees, taken)
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
@@ -139,7 +146,9 @@ def set_up(
                 bound = _bind(scene, fibres, taken.result())
             fibres |= {name: _bound_fibre(fibres[name], packed) for name, packed in bound.items()}
             grey = all(packed.grey for packed in bound.values())
-            features = scene_features(scene, list(fibres.values()), lights, with_target, grey)
+            features = scene_features(
+                scene, list(fibres.values()), lights, meshes, with_target, grey
+            )
         if not specialised:
             features = everything_on(features)
         with timed("tables"):
@@ -154,7 +163,9 @@ def set_up(
         window = scene.film.window
         film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
         with timed("compile"):
-            wavefront = _wavefront(memory, scene, features, materials, lights, film, grown, size)
+            wavefront = _wavefront(
+                memory, scene, features, materials, meshes, lights, film, grown, size
+            )
         learning = None
         if wavefront.learning:
             with timed("learning"):
@@ -167,9 +178,9 @@ def set_up(
                     scene.render.shadow_threshold,
                 )
         if film.layers:
-            film.layers.place(grooms, [] if features.surface is None else ["body"])
-        built = tree.result()
-        wavefront.place(built.arguments(), grooms.material_starts(len(materials)))
+            film.layers.place(grooms, _surfaces(scene, features), scene.placed_lamps())
+        built, mesh_tree = trees.result()
+        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), mesh_tree)
     return Setup(
         memory,
         features,
@@ -259,6 +270,7 @@ def _wavefront(
     scene: Scene,
     features: Features,
     materials: list[FibreMaterial],
+    meshes: Meshes | None,
     lights: Lights,
     film: Film,
     curves: Curves,
@@ -268,17 +280,27 @@ def _wavefront(
     middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
     light = lights.device_buffer(features.light_sampling, middle)
     buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
+    shading = None
+    if meshes and isinstance(features.meshes, MeshPart):
+        shading = memory.upload("mesh shading", meshes.shading(features.meshes))
     return Wavefront(
         memory,
         features,
         [material.with_features(features) for material in materials],
         None if features.surface is None else (scene.body or ABSENT).params(),
+        shading,
         buffer,
-        camera_struct(scene.resolved_camera(curves), scene.film),
+        camera_struct(scene.resolved_camera(curves, meshes), scene.film),
         film,
         curves.n_points,
         size.paths,
     )
+
+
+def _surfaces(scene: Scene, features: Features) -> list[str]:
+    """Names of what rays meet beside fibres and lamps, as cryptomattes have them."""
+    body = [] if features.surface is None else ["body"]
+    return [*body, *(f"mesh.{name}" for name in scene.mesh)]
 
 
 def camera_struct(camera: Camera, film: FilmTable) -> np.ndarray:

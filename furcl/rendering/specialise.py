@@ -17,12 +17,14 @@ from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
+from furcl.surface.mesh.mesh import Meshes, MeshPart
 
 
 def scene_features(
     scene: Scene,
     fibres: Sequence[Any],
     lights: Lights,
+    meshes: Meshes | None = None,
     with_target: bool = False,
     grey_strands: bool = True,
 ) -> Features:
@@ -56,6 +58,7 @@ def scene_features(
     )
     grey = grey_strands and all(model_of(fibre).is_grey(fibre) for fibre in fibres) and lights.grey
     grey = grey and (scene.body is None or scene.body.is_grey)
+    grey = grey and (meshes is None or meshes.is_grey)
     adjoint = render.roulette == "adjoint"
     return Features(
         learning=LearningPart() if adjoint else None,
@@ -65,6 +68,7 @@ def scene_features(
         lamps=lights.lamps_part,
         surface=scene.body.part if scene.body is not None else None,
         fibres=len(fibres),
+        meshes=meshes.part if meshes is not None else None,
         channels=1 if grey else 3,
         light_sampling=light_sampling,
         lens=scene.chosen_camera.aperture_radius > 0.0,
@@ -106,6 +110,7 @@ def everything_on(features: Features) -> Features:
         point_radii=True,
         lamps=features.lamps.everything_on() if isinstance(features.lamps, LampsPart) else None,
         surface=features.surface or ABSENT.part,
+        meshes=features.meshes and MeshPart(normals=True, textures=True, emission=True),
         lens=True,
         crop=True,
         roulette=True,
@@ -119,13 +124,21 @@ def everything_on(features: Features) -> Features:
 def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     """Feature -> whether a build has it, and why it might not."""
     features = material.features
+    meshes = features.meshes.as_dict() if features.meshes is not None else {}
+    of_meshes = {
+        "mesh_normals": "no mesh is smooth",
+        "mesh_textures": "no mesh has a texture",
+        "mesh_emission": "no mesh emits light",
+    }
     tables = material.tables is not None
     return {
         **material.fibre_features.optional(),
-        "colour": (features.channels == 3, "fibres, light and body are grey: one channel"),
+        "colour": (features.channels == 3, "fibres, light and surfaces are grey: one channel"),
         "light_sampling": (features.light_sampling, "the light is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),
+        "meshes": (features.meshes is not None, "the scene has no meshes"),
+        **{name: (bool(meshes.get(name)), reason) for name, reason in of_meshes.items()},
         "environment": (features.light is not None, "the scene has no environment"),
         "lamps": (features.lamps is not None, "the scene has no lamps"),
         "orthographic": (features.orthographic, "the camera has a perspective"),

@@ -9,6 +9,7 @@ import numpy as np
 import pyopencl as cl
 
 from furcl.bvh.build import no_geometry, watch
+from furcl.bvh.triangles import TriangleBvh
 from furcl.device import layout, program
 from furcl.device.choice import Device
 from furcl.device.features import Features
@@ -47,7 +48,7 @@ def stage_files(features: Features) -> dict[str, str]:
         files["add_first_hits"] = "stages/first_hits.cl"
     if features.light_layers:
         files["add_light_layers"] = "stages/light_layers.cl"
-    if features.surface is not None:
+    if features.has_surfaces:
         files["shade_surface"] = "stages/shade_surface.cl"
     if features.learning is not None:
         files["learn"] = "stages/learn.cl"
@@ -138,6 +139,7 @@ class Wavefront:
     features : Features             of the scene; the materials' kernels have their own
     materials : list                FibreMaterial each, in the order of their hit queues
     surface : struct or None        SurfaceParams, where the features have a surface
+    shading : Buffer or None        of the meshes, where the features have some
     light : Buffer                  of furcl.device.index_checks.upload
     camera : struct Camera
     n_vertices : int                of the groom, for the index checks
@@ -156,6 +158,7 @@ class Wavefront:
         features: Features,
         materials: list[FibreMaterial],
         surface: np.ndarray | None,
+        shading: cl.Buffer | None,
         light: cl.Buffer,
         camera: np.ndarray,
         film: Film,
@@ -167,6 +170,7 @@ class Wavefront:
         self.features = features
         self.fibres = [FibreStages(memory, m, i) for i, m in enumerate(materials)]
         self._surface = [] if features.surface is None else [surface]
+        self._shading = [] if features.meshes is None else [shading]
         self.light = light
         self._lamps = [light] if features.area_lamps else []
         self.camera = camera
@@ -199,6 +203,7 @@ class Wavefront:
         self.learning = None if features.learning is None else Buffers(memory, n_slots)
         self.geometry = no_geometry(memory)
         self._starts = [self.geometry[0]] if features.fibres > 1 else []
+        self.mesh_geometry = [] if features.meshes is None else list(self.geometry)
         self._warm_up()
 
     def _programs(self) -> list[tuple[FibreStages | None, list[str], Features]]:
@@ -236,13 +241,19 @@ class Wavefront:
                 fibre.stages = of_stages
         return kernels
 
-    def place(self, geometry: list[cl.Buffer], material_starts: Sequence[int] = ()) -> None:
-        """Set the tree that rays are sent through.
+    def place(
+        self,
+        geometry: list[cl.Buffer],
+        material_starts: Sequence[int] = (),
+        meshes: TriangleBvh | None = None,
+    ) -> None:
+        """Set the trees that rays are sent through.
 
         Parameters
         ----------
-        geometry : list         what furcl.bvh.build.Bvh.arguments returns
-        material_starts : (m,)  first vertex of the strands of each material
+        geometry : list                 what furcl.bvh.build.Bvh.arguments returns
+        material_starts : (m,)          first vertex of the strands of each material
+        meshes : TriangleBvh or None    the tree of the meshes, where the features have some
         """
         self.geometry = geometry
         if self.features.fibres > 1:
@@ -250,6 +261,10 @@ class Wavefront:
             self._starts = [self.memory.upload("material starts", starts)]
         if self.features.debug:
             watch(self.checks, geometry, self.n_vertices)
+        if meshes:
+            self.mesh_geometry = meshes.arguments()
+            if self.features.debug:
+                watch(self.checks, self.mesh_geometry, 3 * meshes.n_triangles)
 
     @property
     def vertices(self) -> cl.Buffer:
@@ -306,6 +321,7 @@ class Wavefront:
             self.n_slots,
             *self.geometry,
             *self._starts,
+            *self.mesh_geometry,
             *self._surface,
             *self._lamps,
         )
@@ -324,6 +340,9 @@ class Wavefront:
                 *self.geometry,
                 *layers.first_hit_arguments(),
                 *self._surface,
+                *self.mesh_geometry[1:2],
+                *self._shading,
+                *self._lamps,
                 *([self.film.plan.plan] if self.film.plan else []),
             )
 
@@ -346,7 +365,7 @@ class Wavefront:
         for fibre in self.fibres:
             self.sample_lobe_h(fibre, wave, active, depth)
             self.shade(fibre, wave, active, depth)
-        if self.features.surface is not None:
+        if self.features.has_surfaces:
             self.shade_surface(wave, active, depth)
 
     def sample_lobe_h(self, fibre: FibreStages, wave: np.ndarray, active: int, depth: int) -> None:
@@ -397,7 +416,7 @@ class Wavefront:
         )
 
     def shade_surface(self, wave: np.ndarray, active: int, depth: int) -> None:
-        """Continue the paths that met the surface: fills the next and shadow queues."""
+        """Continue the paths that met a surface: fills the next and shadow queues."""
         self._launch(
             "shade_surface",
             active,
@@ -408,8 +427,10 @@ class Wavefront:
             self.counts,
             wave,
             np.uint32(depth),
-            *self._surface,
             self.light,
+            *self._surface,
+            *self.mesh_geometry[1:2],
+            *self._shading,
             *self._learned,
         )
 
@@ -424,6 +445,7 @@ class Wavefront:
                 self.counts,
                 self.n_slots,
                 *self.geometry,
+                *self.mesh_geometry,
                 *self._surface,
                 *self._lamps,
                 *([np.uint32(depth)] if self.features.has_layer("lobes") else []),

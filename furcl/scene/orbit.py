@@ -11,19 +11,23 @@ from numpy.typing import NDArray
 from furcl.groom.curves import Curves
 from furcl.scene.camera import Camera, outermost
 from furcl.scene.tables import Scene
+from furcl.surface.mesh.mesh import Meshes
 
 
-def orbit(scene: Scene, curves: Curves, angles_deg: Sequence[float]) -> list[Camera]:
+def orbit(
+    scene: Scene, curves: Curves, angles_deg: Sequence[float], meshes: Meshes | None = None
+) -> list[Camera]:
     """The scene's camera, turned by angles around the axis `up`.
 
     The axis of a camera with an origin goes through its target. One that frames turns around the
-    middle of the groom and is as far away as the angle needs that leaves the least room, so that
-    nothing grows or shrinks from one angle to the next.
+    middle of groom, body and meshes and is as far away as the angle needs that leaves the least
+    room, so that nothing grows or shrinks from one angle to the next.
 
     Parameters
     ----------
     curves : Curves             the scene's groom
     angles_deg : floats         counterclockwise, seen from where `up` points to [deg]
+    meshes : Meshes or None     those of the scene
 
     Returns
     -------
@@ -32,10 +36,10 @@ def orbit(scene: Scene, curves: Curves, angles_deg: Sequence[float]) -> list[Cam
     camera = scene.chosen_camera
     turns = [rotation(camera.up, float(np.radians(angle))) for angle in angles_deg]
     if camera.origin is not None and camera.target is not None:
-        resolved = scene.resolved_camera(curves)
+        resolved = scene.resolved_camera(curves, meshes)
         pivot = np.asarray(camera.target)
     else:
-        points, radius = scene.points_to_frame(curves)
+        points, radius = scene.points_to_frame(curves, meshes)
         pivot = 0.5 * (points.min(axis=0).astype(np.float64) + points.max(axis=0))
         # Where a turned camera sees a point, the camera itself sees it turned back.
         directions = camera.framing_directions(scene.film.aspect)

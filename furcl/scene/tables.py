@@ -34,7 +34,9 @@ from furcl.scene import lamps
 from furcl.scene.camera import Camera
 from furcl.scene.groom import Groom
 from furcl.scene.lamps import Lamp
+from furcl.scene.mesh import MeshTable
 from furcl.surface import kinds as surfaces
+from furcl.surface.mesh.mesh import Meshes
 from furcl.surface.model import Surface
 from furcl.table import Table
 
@@ -223,7 +225,13 @@ KINDS = {
     "body": Kinds("kind", surfaces.tables, "ellipsoid"),
 }
 # Keys whose tables are named by the scene -> the table of the scene that each of them is like.
-NAMED = {"groom": None, "material": "fibre", "lamp": "lamp", "cameras": "camera"}
+NAMED = {
+    "groom": None,
+    "material": "fibre",
+    "lamp": "lamp",
+    "mesh": None,
+    "cameras": "camera",
+}
 
 
 def kinds_at(keys: Keys) -> Kinds | None:
@@ -244,7 +252,7 @@ class Scene(Table, frozen=True, kw_only=True):
     ----------
     name : str              of the scene; the file's name if left out
     camera, film, fibre, environment, curves, body, render : tables
-    groom, material, lamp, cameras : dict       name -> table
+    groom, material, lamp, mesh, cameras : dict     name -> table
     """
 
     name: str = ""
@@ -258,12 +266,14 @@ class Scene(Table, frozen=True, kw_only=True):
     material: dict[str, ModelTable] = msgspec.field(default_factory=dict)
     cameras: dict[str, Camera] = msgspec.field(default_factory=dict)
     body: Surface | None = None
+    mesh: dict[str, MeshTable] = msgspec.field(default_factory=dict)
     render: Render = Render()
 
     def __repr__(self) -> str:
         ones = [getattr(self, name) for name in KINDS if name not in NAMED]
         kinds = [str(table.__struct_config__.tag) for table in ones if table is not None]
-        kinds += [f"{key} {name}" for key in ("groom", "lamp") for name in getattr(self, key)]
+        several = ("groom", "lamp", "mesh")
+        kinds += [f"{key} {name}" for key in several for name in getattr(self, key)]
         return f"Scene({self.name!r}, {self.film.width} x {self.film.height}, {', '.join(kinds)})"
 
     def __hash__(self) -> int:
@@ -347,6 +357,11 @@ class Scene(Table, frozen=True, kw_only=True):
         environment = None if self.environment is None else self.build_light()
         return Lights(environment, lamps.build(self.lamp, self.render.lamp_choice == "position"))
 
+    def placed_lamps(self) -> list[str]:
+        """Keys of the lamps that have a place, in the order of `Lights`."""
+        placed = (item for item in self.lamp.items() if item[1].__struct_config__.tag != "distant")
+        return [f"lamp.{name}" for name, table in placed for _ in table.records()]
+
     def build_grooms(self) -> Grooms:
         """Read or grow the grooms and put them in their places.
 
@@ -367,12 +382,31 @@ class Scene(Table, frozen=True, kw_only=True):
         """The strands of all grooms, see `build_grooms`."""
         return self.build_grooms().curves
 
-    def resolved_camera(self, curves: Curves) -> Camera:
-        """The camera with all places filled in; if it frames, it frames groom and body."""
+    def build_meshes(self) -> Meshes | None:
+        """The meshes with their textures, read from their files; None where there are none.
+
+        Raises
+        ------
+        MeshError, ImageError       if a file cannot be used
+        """
+        if not self.mesh:
+            return None
+        return Meshes([table.build(f"mesh.{name}") for name, table in self.mesh.items()])
+
+    def resolved_camera(self, curves: Curves, meshes: Meshes | None = None) -> Camera:
+        """The camera with all places filled in; if it frames, it frames groom, body and meshes."""
         points, radius = curves.points, float(curves.radii.max())
-        if self.body is not None and self.chosen_camera.origin is None:
-            points, radius = self.points_to_frame(curves)
+        if self.chosen_camera.origin is None:
+            others = self._framed_beside(meshes)
+            if others:
+                outermost, aspect = self.chosen_camera.outermost, self.film.aspect
+                points = np.concatenate([outermost(p, aspect) for p in (points, *others)])
         return self.chosen_camera.resolved(points, self.film.aspect, radius)
+
+    def _framed_beside(self, meshes: Meshes | None) -> list[NDArray[np.float32]]:
+        """Points (n, 3) of body and meshes."""
+        body = [] if self.body is None else [self.body.points().astype(np.float32)]
+        return body + ([] if meshes is None else [meshes.points()])
 
     @property
     def chosen_camera(self) -> Camera:
@@ -386,9 +420,11 @@ class Scene(Table, frozen=True, kw_only=True):
         film = msgspec.structs.replace(self.film, camera=None)
         return msgspec.structs.replace(self, camera=camera, cameras={}, film=film)
 
-    def points_to_frame(self, curves: Curves) -> tuple[NDArray[np.float32], float]:
-        """Points (n, 3) of groom and body, and the radius of a sphere around each, to be framed."""
+    def points_to_frame(
+        self, curves: Curves, meshes: Meshes | None = None
+    ) -> tuple[NDArray[np.float32], float]:
+        """Points (n, 3) of groom, body and meshes, and the radius of a sphere around each, to be
+        framed."""
         points, radius = curves.points, float(curves.radii.max())
-        if self.body is None:
-            return points, radius
-        return np.concatenate([points, self.body.points().astype(np.float32)]), radius
+        others = self._framed_beside(meshes)
+        return (np.concatenate([points, *others]) if others else points), radius

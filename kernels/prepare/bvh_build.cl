@@ -1,4 +1,4 @@
-/* Builds the blocks of the tree of a chunk of segments; furcl/bvh/chunk.py launches the kernels in the
+/* Builds the blocks of the tree of a chunk of segments, or of triangles; furcl/bvh/chunk.py launches the kernels in the
    order of this file, with Embree's binary tree between the first and the second.
 
    Nodes of one height need nothing of each other, so the passes over nodes are launched once for each
@@ -29,8 +29,7 @@ __kernel void bound_segments(const uint n, __global const uint* segments,
     const uint i = get_global_id(0);
     if (i >= n) return;
     const uint v = segments[i];
-    const Box box = segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1),
-                                amid(n, segments, vertices));
+    const Box box = leaf_box(vertices, v, amid(n, segments, vertices));
     boxes[2 * i] = (float4)(box.lower, 0.0f);
     boxes[2 * i + 1] = (float4)(box.upper, as_float(v));
 }
@@ -58,8 +57,7 @@ __kernel void summarise(
         Box box;
         float8 child_cost = (float8)(0.0f);
         if (child < 0) {
-            const uint v = leaves[~child];
-            box = segment_box(vertex_at(vertices, v), vertex_at(vertices, v + 1), near);
+            box = leaf_box(vertices, leaves[~child], near);
         } else {
             box = (Box){summaries[child].lower.xyz, summaries[child].upper.xyz};
             box = box_seen_from(box, reference_of(nodes, leaves, vertices, child), near);
@@ -161,6 +159,23 @@ __kernel void fill_blocks(
     for (uint lane = 0; lane < n_lanes; lane++) child[lane] = (int)block[FURCL_BLOCK_ROWS + lane];
     const float3 near = reference_of(nodes, leaves, vertices, child[0]);
 
+#if FURCL_TRIANGLES
+    float3 lower[WIDTH], upper[WIDTH];
+    for (uint lane = 0; lane < n_lanes; lane++) {
+        Box box;
+        if (lane < n_segments) {
+            box = leaf_box(vertices, block[FURCL_BLOCK_REFERENCES + lane], near);
+        } else {
+            box = (Box){summaries[child[lane]].lower.xyz, summaries[child[lane]].upper.xyz};
+            box = box_seen_from(box, reference_of(nodes, leaves, vertices, child[lane]), near);
+        }
+        lower[lane] = box.lower;
+        upper[lane] = box.upper;
+    }
+    for (uint word = 0; word < FURCL_BLOCK_LANES; word++) block[word] = 0;
+    block[FURCL_BLOCK_LANES] |= FURCL_BLOCK_BOXES;
+    write_boxes(block, n_lanes, near, lower, upper);
+#else
     Capsule capsules[WIDTH];
     float3 lower[WIDTH], upper[WIDTH];
     float box_area = 0.0f, capsule_area = 0.0f;
@@ -196,4 +211,5 @@ __kernel void fill_blocks(
         block[FURCL_BLOCK_LANES] |= FURCL_BLOCK_BOXES;
         write_boxes(block, n_lanes, near, lower, upper);
     }
+#endif
 }

@@ -3,7 +3,9 @@
    `sums` holds FURCL_FIRST_HIT_SUMS a pixel (furcl/rendering/layers.py), `nearest` the depth and the strand + 1 of the
    nearest hit, the ranks pairs of id and samples.
 
-   reads    state: ORIGIN, DIR, HIT_*; the groom, plan (with FURCL_PLANNED)
+   Objects of cryptomatte are the grooms, the surface, the meshes and the lamps, in that order.
+
+   reads    state: ORIGIN, DIR, HIT_*; the groom, meshes, lamps, plan (with FURCL_PLANNED)
    writes   sums, nearest, ranks
    over     the pixels of the wave, as add_to_film
    next     shade_escaped */
@@ -14,32 +16,71 @@
 #if FURCL_SURFACE
 #include <surface>
 #endif
+#if FURCL_MESHES
+#include <meshes>
+#endif
+#if FURCL_AREA_LAMPS
+#include <lamps>
+#endif
 
-/* What is in the place of a strand where the nearest hit is on a surface. */
-#define ON_SURFACE 0xfffffffeu
+/* What is in the place of a strand where the nearest hit is on a surface, a mesh or a lamp. */
+#define NO_STRAND 0xfffffffeu
 
 typedef struct {
     float3 position, normal, tangent;
-    uint segment;  /* or FURCL_SURFACE_HIT */
-    float u;
+    uint segment;  /* as HIT_SEGMENT */
+    float u;       /* as HIT_U */
 } FirstHit;
 
-static inline FirstHit first_hit(Paths paths, uint slot, const Groom* groom
+/* What is met beside fibres, and where from. */
+typedef struct {
 #if FURCL_SURFACE
-    , const SurfaceParams* surface
+    const SurfaceParams* surface;
 #endif
-    )
+#if FURCL_MESHES
+    __global const StoredVertex* mesh_vertices;
+    __global const float* shading;
+#endif
+#if FURCL_AREA_LAMPS
+    __global const float* light;
+#endif
+    uint unused;
+} Others;
+
+#if FURCL_SURFACE || FURCL_MESHES || FURCL_AREA_LAMPS
+/* The normal of what a ray met at distance t, which is no fibre. */
+static inline float3 normal_of_other(
+    const Others* others, const FirstHit* hit, float3 origin, float3 direction, float t)
+{
+#if FURCL_SURFACE
+    if (hit->segment == FURCL_SURFACE_HIT) return surface_point(others->surface, origin, direction, t).normal;
+#endif
+#if FURCL_AREA_LAMPS
+    if (hit->segment == FURCL_LAMP_HIT) {
+        const float3 normal = lamp_normal(lamp_at(others->light, (uint)hit->u), hit->position);
+        return dot(normal, direction) > 0.0f ? -normal : normal;
+    }
+#endif
+#if FURCL_MESHES
+    return mesh_point(others->mesh_vertices, others->shading, hit->segment, origin, direction).normal;
+#else
+    return -direction;
+#endif
+}
+#endif
+
+static inline FirstHit first_hit(Paths paths, uint slot, const Groom* groom, const Others* others)
 {
     FirstHit hit;
     hit.segment = path_uint(paths, PS_HIT_SEGMENT, slot);
     hit.u = path_float(paths, PS_HIT_U, slot);
     const float3 direction = path_float3(paths, PS_DIR, slot);
-#if FURCL_SURFACE
-    if (hit.segment == FURCL_SURFACE_HIT) {
+#if FURCL_SURFACE || FURCL_MESHES || FURCL_AREA_LAMPS
+    if (hit.segment >= FURCL_TRIANGLE) {
         const float3 origin = path_float3(paths, PS_ORIGIN, slot);
         const float t = path_float(paths, PS_HIT_T, slot);
         hit.position = origin + t * direction;
-        hit.normal = surface_point(surface, origin, direction, t).normal;
+        hit.normal = normal_of_other(others, &hit, origin, direction, t);
         hit.tangent = (float3)(0.0f);
         return hit;
     }
@@ -67,10 +108,16 @@ __kernel void add_first_hits(
     , __global uint* strand_ranks
 #endif
 #if FURCL_LAYER_CRYPTOMATTE_GROOM
-    , __global uint* groom_ranks, __global const uint* groom_starts, const uint n_grooms
+    , __global uint* groom_ranks, __global const uint* groom_starts, const uint n_grooms, const uint first_lamp
 #endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
+#endif
+#if FURCL_MESHES
+    , __global const StoredVertex* mesh_vertices, __global const float* shading
+#endif
+#if FURCL_AREA_LAMPS
+    , __global const float* light
 #endif
 #if FURCL_PLANNED
     , __global const uint* plan
@@ -79,6 +126,17 @@ __kernel void add_first_hits(
 {
     const Paths paths = {state, wave.n_slots};
     const Groom groom = groom_of(blocks, vertices, strands);
+    Others others;
+#if FURCL_SURFACE
+    others.surface = &surface;
+#endif
+#if FURCL_MESHES
+    others.mesh_vertices = mesh_vertices;
+    others.shading = shading;
+#endif
+#if FURCL_AREA_LAMPS
+    others.light = light;
+#endif
     const PixelSlots slots = slots_of_pixel(paths, &wave,
 #if FURCL_PLANNED
         plan,
@@ -88,15 +146,8 @@ __kernel void add_first_hits(
     const uint pixel = film_pixel(&wave, slots.pixel);
     for (uint slot = slots.first; slot < slots.end; slot += slots.step) {
         if (path_uint(paths, PS_HIT_SEGMENT, slot) == FURCL_NO_SEGMENT) continue;
-#if FURCL_AREA_LAMPS
-        if (path_uint(paths, PS_HIT_SEGMENT, slot) == FURCL_LAMP_HIT) continue;
-#endif
-        const FirstHit hit = first_hit(paths, slot, &groom
-#if FURCL_SURFACE
-            , &surface
-#endif
-            );
-        const bool fibre = hit.segment != FURCL_SURFACE_HIT;
+        const FirstHit hit = first_hit(paths, slot, &groom, &others);
+        const bool fibre = hit.segment < FURCL_TRIANGLE;
         const float depth = dot(hit.position - camera.origin.xyz, camera.forward.xyz);
         float values[FURCL_FIRST_HIT_SUMS];
         values[FURCL_SUM_HITS] = 1.0f;
@@ -120,7 +171,7 @@ __kernel void add_first_hits(
 #endif
         add_to_sums(all_sums + (size_t)pixel * FURCL_FIRST_HIT_SUMS, values, FURCL_FIRST_HIT_SUMS);
 #if FURCL_STRAND_IDS
-        uint strand = ON_SURFACE;
+        uint strand = NO_STRAND;
         if (fibre) strand = strand_of_vertex(&groom, ends_before, hit.segment);
 #endif
 #if FURCL_NEAREST
@@ -136,6 +187,13 @@ __kernel void add_first_hits(
 #if FURCL_LAYER_CRYPTOMATTE_GROOM
         uint object = n_grooms;
         if (fibre) while (groom_starts[--object] > hit.segment) {}
+#if FURCL_MESHES
+        if (hit.segment >= FURCL_TRIANGLE && hit.segment < FURCL_LAMP_HIT)
+            object += FURCL_SURFACE + mesh_of_triangle(shading, hit.segment);
+#endif
+#if FURCL_AREA_LAMPS
+        if (hit.segment == FURCL_LAMP_HIT) object = first_lamp + (uint)hit.u;
+#endif
         count_id(groom_ranks + 2u * FURCL_RANKED_IDS * (size_t)pixel, object);
 #endif
     }

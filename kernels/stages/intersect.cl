@@ -1,4 +1,4 @@
-/* Stage 2. Rays against the groom, the surface and the lamps.
+/* Stage 2. Rays against meshes, the surface, the lamps and the groom.
 
    A work-item takes FURCL_RAYS_PER_ITEM rays; the vectors are inside a ray (eight lanes at a time). */
 #include "bvh/traversal.clh"
@@ -23,6 +23,9 @@ typedef struct {
 #if FURCL_SURFACE
     const SurfaceParams* surface;
 #endif
+#if FURCL_MESHES
+    __global const StoredVertex* vertices;  /* of the groom */
+#endif
 #if FURCL_AREA_LAMPS
     __global const float* light;
 #endif
@@ -42,13 +45,42 @@ static inline uint material_of_vertex(__global const uint* starts, uint vertex)
 }
 #endif
 
+#if FURCL_LIGHT_SAMPLING
+/* How far a light sample is away. */
+static inline float shadow_distance(Paths paths, uint slot)
+{
+#if FURCL_SHADOW_DISTANCES
+    return path_float(paths, PS_SHADOW_DISTANCE, slot);
+#else
+    return INFINITY;
+#endif
+}
+#endif
+
+#if FURCL_MESHES
+#include "bvh/path_triangles.clh"
+#endif
+
+/* The segment that the ray of a path leaves. */
+static inline uint segment_left(Paths paths, uint slot)
+{
+    const uint from = path_uint(paths, PS_FROM_SEGMENT, slot);
+#if FURCL_MESHES
+    if (from >= FURCL_TRIANGLE) return FURCL_NO_SEGMENT;
+#endif
+    return from;
+}
+
 static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
     *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_DIR, slot),
-                     path_uint(paths, PS_FROM_SEGMENT, slot)};
+                     segment_left(paths, slot)};
     *hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT};
+#if FURCL_MESHES
+    *hit = (Hit){path_float(paths, PS_HIT_T, slot), 0.0f, path_uint(paths, PS_HIT_SEGMENT, slot)};
+#endif
 #if FURCL_SURFACE
     surface_hit(rays->surface, query, hit);
 #endif
@@ -79,9 +111,9 @@ static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 #if FURCL_FIBRES > 1
     material = material_of_vertex(rays->material_starts, hit->segment);
 #endif
-#if FURCL_SURFACE
+#if FURCL_SURFACE || FURCL_MESHES
     set_path_float(paths, PS_HIT_T, slot, hit->t);
-    if (hit->segment == FURCL_SURFACE_HIT) material = FURCL_FIBRES;
+    if (hit->segment >= FURCL_TRIANGLE) material = FURCL_FIBRES;
 #endif
     set_path_float(paths, PS_HIT_U, slot, hit->u);
     set_path_uint(paths, PS_HIT_SEGMENT, slot, hit->segment);
@@ -91,7 +123,8 @@ static inline void store_path_hit(const PathRays* rays, uint i, const Hit* hit)
 
 /* Finds what the ray of every path meets first.
 
-   reads    state: ORIGIN, DIR, FROM_SEGMENT; the groom; active_counts: COUNT_NEXT of the bounce before
+   reads    state: ORIGIN, DIR, FROM_SEGMENT; the groom, meshes; active_counts: COUNT_NEXT of the bounce
+            before
    writes   state: HIT_*; the hit queue of each material, the miss queue, where lamps are too, and their
             lengths in counts
    over     the queue of paths that go on, FURCL_RAYS_PER_ITEM a work-item
@@ -104,6 +137,10 @@ __kernel void intersect_closest(
     __global const uint* strands
 #if FURCL_FIBRES > 1
     , __global const uint* material_starts
+#endif
+#if FURCL_MESHES
+    , __global const uint* mesh_blocks, __global const StoredVertex* mesh_vertices,
+    __global const uint* mesh_ends
 #endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
@@ -129,23 +166,28 @@ __kernel void intersect_closest(
 #if FURCL_AREA_LAMPS
     rays.light = light;
 #endif
-    TRACE_RAYS(&groom, active_counts[FURCL_COUNT_NEXT], false, load_path_ray, store_path_hit, &rays);
+#if FURCL_MESHES
+    rays.vertices = vertices;
+    const Groom meshes = groom_of(mesh_blocks, mesh_vertices, mesh_ends);
+    TRACE_RAYS(triangles, &meshes, active_counts[FURCL_COUNT_NEXT], false, load_mesh_ray, store_mesh_hit, &rays);
+#endif
+    TRACE_RAYS(segments, &groom, active_counts[FURCL_COUNT_NEXT], false, load_path_ray, store_path_hit, &rays);
 }
 
 #if FURCL_LIGHT_SAMPLING
 
-/* A surface or lamp in the way ends the search for fibres where it begins. */
+/* A mesh, a surface or a lamp in the way ends the search for fibres where it begins. */
 static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
     *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_SHADOW_DIR, slot),
-                     path_uint(paths, PS_FROM_SEGMENT, slot)};
-    float distance = INFINITY;
-#if FURCL_SHADOW_DISTANCES
-    distance = path_float(paths, PS_SHADOW_DISTANCE, slot);
+                     segment_left(paths, slot)};
+    *hit = (Hit){shadow_distance(paths, slot), 0.0f, FURCL_NO_SEGMENT};
+#if FURCL_MESHES
+    hit->segment = path_uint(paths, PS_HIT_SEGMENT, slot);
+    if (hit->segment != FURCL_NO_SEGMENT) hit->t = 0.0f;
 #endif
-    *hit = (Hit){distance, 0.0f, FURCL_NO_SEGMENT};
 #if FURCL_SURFACE
     if (surface_hit(rays->surface, query, hit)) hit->t = 0.0f;
 #endif
@@ -169,14 +211,18 @@ static inline void store_shadow_hit(const PathRays* rays, uint i, const Hit* hit
 
 /* Adds the light sample of every path that nothing keeps from it.
 
-   reads    state: ORIGIN, SHADOW_*, FROM_SEGMENT; the groom
-   writes   state: RADIANCE
+   reads    state: ORIGIN, SHADOW_*, FROM_SEGMENT; the groom, meshes
+   writes   state: RADIANCE; with meshes HIT_T, HIT_SEGMENT
    over     the shadow queue, FURCL_RAYS_PER_ITEM a work-item
    next     intersect_closest */
 __kernel void intersect_shadow(
     __global float* state, __global const uint* shadow_queue, __global const uint* counts,
     const uint n_slots, __global const uint* blocks, __global const StoredVertex* vertices,
     __global const uint* strands
+#if FURCL_MESHES
+    , __global const uint* mesh_blocks, __global const StoredVertex* mesh_vertices,
+    __global const uint* mesh_ends
+#endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
 #endif
@@ -201,6 +247,11 @@ __kernel void intersect_shadow(
 #if FURCL_AREA_LAMPS
     rays.light = light;
 #endif
-    TRACE_RAYS(&groom, counts[FURCL_COUNT_SHADOWS], true, load_shadow_ray, store_shadow_hit, &rays);
+#if FURCL_MESHES
+    rays.vertices = vertices;
+    const Groom meshes = groom_of(mesh_blocks, mesh_vertices, mesh_ends);
+    TRACE_RAYS(triangles, &meshes, counts[FURCL_COUNT_SHADOWS], true, load_mesh_shadow_ray, store_mesh_hit, &rays);
+#endif
+    TRACE_RAYS(segments, &groom, counts[FURCL_COUNT_SHADOWS], true, load_shadow_ray, store_shadow_hit, &rays);
 }
 #endif

@@ -175,12 +175,13 @@ __kernel void shade(
 #if FURCL_LAYER_LOBES
             Spectrum of_lobe[FURCL_LOBES];
 #endif
-            add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
-                             lane4(&ending_xi, k).yzw
+            add_light_sample(
+                &bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
+                lane4(&ending_xi, k).yzw
 #if FURCL_LAYER_LOBES
-                             , of_lobe
+                , of_lobe
 #endif
-                             );
+                );
 #endif
             const PathQueues to = continue_path(paths, slot, lane(&ending_xi.x, k), &wave, depth, &bounce
 #if FURCL_LEARNING

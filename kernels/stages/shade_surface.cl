@@ -1,6 +1,11 @@
-/* Stage 4 of surfaces. The next ray and the light sample of paths that met the surface. */
+/* Stage 4 of surfaces. The next ray and the light sample of paths that met a surface or a mesh. */
 #include "core/continue_path.clh"
+#if FURCL_SURFACE
 #include <surface>
+#endif
+#if FURCL_MESHES
+#include <meshes>
+#endif
 #include "surface/diffuse.clh"
 #if FURCL_LIGHT_SAMPLING
 #include "light/lights.clh"
@@ -12,8 +17,8 @@ static inline Bounce scatter_at_surface(
     Bounce bounce;
     float pdf;
     bounce.origin = at->position;
-    bounce.direction = diffuse_sample(at->normal, xi.xy, &pdf);
-    bounce.from_segment = FURCL_NO_SEGMENT;
+    bounce.direction = diffuse_sample(at, xi.xy, &pdf);
+    bounce.from_segment = at->from_segment;
     bounce.weight = at->albedo;
 #if FURCL_LIGHT_LAYERS
     bounce.first = FURCL_LOBE_LAYERS;
@@ -27,7 +32,7 @@ static inline Bounce scatter_at_surface(
 #if FURCL_AREA_LAMPS
     bounce.light_lamp = chosen.lamp;
 #endif
-    const float towards = diffuse_pdf(at->normal, sample.direction);
+    const float towards = diffuse_pdf(at, sample.direction);
     bounce.light = towards > 0.0f && sample.pdf > 0.0f
         ? at->albedo * towards / (rival_density(&chosen, towards) + sample.pdf) * spectrum_from3(sample.radiance)
         : spectrum(0.0f);
@@ -35,16 +40,23 @@ static inline Bounce scatter_at_surface(
     return bounce;
 }
 
-/* Continues paths that met the surface: next ray, light sample, Russian roulette.
+/* Continues paths that met a surface: light of its own, next ray, light sample, Russian roulette.
 
-   reads    state: ORIGIN, DIR, HIT_T, THROUGHPUT; light
-   writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, DIR_PDF, SHADOW_*; next queue, shadow queue
+   reads    state: ORIGIN, DIR, HIT_*, THROUGHPUT; meshes, light
+   writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, RADIANCE, DIR_PDF, SHADOW_*; next queue, shadow
+            queue
    over     the last hit queue, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_shadow (with FURCL_LIGHT_SAMPLING), then intersect_closest */
 __kernel void shade_surface(
     __global float* state, __global const uint* hit_queues, __global uint* next_queue,
     __global uint* shadow_queue, __global uint* counts, const Wave wave, const uint depth,
-    const SurfaceParams surface, __global const float* light
+    __global const float* light
+#if FURCL_SURFACE
+    , const SurfaceParams surface
+#endif
+#if FURCL_MESHES
+    , __global const StoredVertex* mesh_vertices, __global const float* shading
+#endif
 #if FURCL_LEARNING
     , __global const float* table, __global uint* records
 #endif
@@ -61,9 +73,20 @@ __kernel void shade_surface(
     for (uint k = 0; k < FURCL_PATHS_PER_ITEM && queue_entry(k) < n_hits; k++) {
         const uint slot = queued_slot(paths, hit_queue, queue_entry(k));
         const PixelSample p = pixel_of_slot(paths, &wave, slot);
-        const SurfacePoint at = surface_point(
-            &surface, path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_DIR, slot),
-            path_float(paths, PS_HIT_T, slot));
+        const float3 origin = path_float3(paths, PS_ORIGIN, slot);
+        const float3 direction = path_float3(paths, PS_DIR, slot);
+        SurfacePoint at;
+#if FURCL_MESHES
+        const uint met = path_uint(paths, PS_HIT_SEGMENT, slot);
+#if FURCL_SURFACE
+        if (met == FURCL_SURFACE_HIT)
+            at = surface_point(&surface, origin, direction, path_float(paths, PS_HIT_T, slot));
+        else
+#endif
+            at = mesh_point(mesh_vertices, shading, met, origin, direction);
+#else
+        at = surface_point(&surface, origin, direction, path_float(paths, PS_HIT_T, slot));
+#endif
         const float4 xi =
             uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_DIRECTION));
         float4 light_xi = (float4)(0.0f), choice = (float4)(0.0f);
@@ -74,6 +97,9 @@ __kernel void shade_surface(
         light_xi = uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
 #endif
         const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi, choice);
+#if FURCL_MESH_EMISSION
+        const Spectrum emitted = path_spectrum(paths, PS_THROUGHPUT, slot) * at.emission;
+#endif
         float ending_xi = 0.0f;
         if (roulette_plays(&wave, depth))
             ending_xi =
@@ -83,6 +109,14 @@ __kernel void shade_surface(
             , &learned
 #endif
             );
+#if FURCL_MESH_EMISSION
+        set_path_spectrum(paths, PS_RADIANCE, slot, path_spectrum(paths, PS_RADIANCE, slot) + emitted);
+#if FURCL_SPLIT_DIRECT
+        /* What is met after one scattering and shines itself: direct light. */
+        if (depth == 1u)
+            set_path_spectrum(paths, PS_DIRECT, slot, path_spectrum(paths, PS_DIRECT, slot) + emitted);
+#endif
+#endif
         if (to.next) append_slot(&next, slot);
         if (to.shadow) append_slot(&shadows, slot);
     }

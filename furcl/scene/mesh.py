@@ -1,0 +1,86 @@
+"""Tables of meshes in a scene."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from furcl.errors import MeshError
+from furcl.scene.transform import Transform
+from furcl.surface.mesh.mesh import Mesh
+from furcl.surface.mesh.read import read_mesh
+from furcl.surface.mesh.texture import read_texture
+from furcl.surface.mesh.triangles import Triangles
+from furcl.table import Rgb, Table, check_range, triple
+
+#: What a mesh without a texture reflects where nothing is said.
+ALBEDO = 0.5
+
+
+class MeshTable(Table, frozen=True, kw_only=True):
+    """A mesh of triangles, OBJ or PLY: diffuse on both sides.
+
+    Attributes
+    ----------
+    file : str                  the mesh, .obj or .ply
+    transform : table           where it stands
+    smooth : bool               reflect by normals between those of the corners, which are the
+                                file's or means of those of the triangles around; false shows
+                                facets
+    albedo : (r,g,b)            what it reflects, 0.5 if left out; with a texture a factor on that,
+                                1 if left out
+    texture_file : str          picture of what it reflects, .exr, .png or .jpg, placed by the
+                                file's texture coordinates and repeated
+    emission : (r,g,b)          radiance that it emits outwards
+    """
+
+    file: Annotated[str, Meta(examples=["head.obj"])]
+    transform: Transform = Transform()
+    smooth: bool = True
+    albedo: Rgb | None = None
+    texture_file: str | None = None
+    emission: Rgb = 0.0
+
+    def __post_init__(self) -> None:
+        if self.albedo is not None:
+            check_range("albedo", self.albedo, 0.0, 1.0)
+        check_range("emission", self.emission, 0.0, 1e9)
+
+    def build(self, where: str = "mesh") -> Mesh:
+        """Read the mesh and its texture.
+
+        Raises
+        ------
+        MeshError, ImageError       if a file cannot be used
+        """
+        found = read_mesh(self.file)
+        where = f"{where}, {self.file}"
+        if self.texture_file is not None and found.places is None:
+            raise MeshError(
+                f"{where}: has no texture coordinates, which {self.texture_file} needs; "
+                f"export it with them (vt in OBJ, s and t in PLY), or give an albedo instead"
+            )
+        mirrored = np.linalg.det(self.transform.as_matrix()[:3, :3]) < 0.0
+        triangles = Triangles.from_arrays(
+            self.transform.points(found.vertices),
+            found.faces[:, ::-1] if mirrored else found.faces,
+            normals=None if found.normals is None else self._turned(found.normals),
+            places=found.places if self.texture_file is not None else None,
+            smooth=self.smooth,
+            where=where,
+        )
+        texture = None if self.texture_file is None else read_texture(self.texture_file)
+        albedo = self.albedo
+        if albedo is None:
+            albedo = ALBEDO if texture is None else 1.0
+        return Mesh(triangles, triple(albedo), texture, triple(self.emission))
+
+    def _turned(self, normals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Normals of the file in the scene; those without a length stay so."""
+        out = np.zeros_like(normals)
+        has_length = (normals != 0.0).any(axis=1)
+        out[has_length] = self.transform.normals(normals[has_length])
+        return out

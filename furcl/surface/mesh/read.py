@@ -1,0 +1,107 @@
+"""Mesh files: Wavefront OBJ and Stanford PLY, read by trimesh."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furcl.errors import MeshError
+from furcl.files import named
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshArrays:
+    """A mesh as its file has it; polygons are cut into triangles.
+
+    Attributes
+    ----------
+    vertices : (m, 3) float64       in the units and the axes of the file
+    faces : (n, 3) int64
+    normals : (m, 3) or None        of the vertices
+    places : (m, 2) or None         u, v of the vertices
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    normals: Array | None
+    places: Array | None
+
+
+def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
+    """Read all objects of a mesh file as one mesh.
+
+    Materials, colours and groups of the file are not used. Normals and texture coordinates are read
+    where all objects have them.
+
+    Raises
+    ------
+    MeshError       no such file, another format, a file that trimesh refuses or without triangles
+    """
+    path = named(path, MeshError)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise MeshError(
+            f"{path}: meshes are read from {', '.join(READERS)} files; convert it, for example "
+            f"with Blender or trimesh"
+        )
+    try:
+        objects = reader(path)
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be read: {error.strerror}; give a mesh") from None
+    except Exception as error:  # whatever a damaged file makes of trimesh
+        raise MeshError(
+            f"{path}: is no {path.suffix.lower()} file that trimesh reads: {error!s:.200}; export "
+            f"it again"
+        ) from None
+    objects = [o for o in objects if len(o.get("faces", ())) and len(o.get("vertices", ()))]
+    if not objects:
+        raise MeshError(f"{path}: has no triangles; give a file with faces")
+    return _joined(objects)
+
+
+def _read_obj(path: Path) -> list[dict[str, Any]]:
+    from trimesh.exchange.obj import load_obj
+
+    with path.open(encoding="utf-8", errors="replace") as file:
+        found = load_obj(file, skip_materials=True)
+    return list(found["geometry"].values()) if "geometry" in found else [found]
+
+
+def _read_ply(path: Path) -> list[dict[str, Any]]:
+    from trimesh.exchange.ply import load_ply
+
+    with path.open("rb") as file:
+        return [load_ply(file, skip_materials=True)]
+
+
+READERS: dict[str, Callable[[Path], list[dict[str, Any]]]] = {".obj": _read_obj, ".ply": _read_ply}
+
+
+def _joined(objects: list[dict[str, Any]]) -> MeshArrays:
+    from trimesh.geometry import triangulate_quads
+
+    faces, first = [], 0
+    for each in objects:
+        faces.append(np.asarray(triangulate_quads(each["faces"]), np.int64) + first)
+        first += len(each["vertices"])
+    uv = [getattr(each.get("visual"), "uv", None) for each in objects]
+    return MeshArrays(
+        np.concatenate([np.asarray(each["vertices"], np.float64) for each in objects]),
+        np.concatenate(faces),
+        _all_or_none([each.get("vertex_normals") for each in objects]),
+        _all_or_none(uv),
+    )
+
+
+def _all_or_none(arrays: list[Any]) -> Array | None:
+    if any(array is None for array in arrays):
+        return None
+    return np.concatenate([np.asarray(array, np.float64) for array in arrays])

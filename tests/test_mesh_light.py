@@ -1,0 +1,201 @@
+"""Light on meshes: energy, hair on them, colours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernel_mutants import substitute
+from mesh_files import obj_text
+from mesh_shapes import sphere
+from scipy import ndimage
+
+import furcl
+from furcl.image.image import Image
+from furcl.scene.read import decode_scene, with_overrides
+
+WHITE = {"preset": "human-white", "sigma_ca": 0.0, "sigma_ma": 0.0}
+
+
+def ball(tmp_path, radius, n=24):
+    """A file of a ball."""
+    path = tmp_path / "ball.obj"
+    path.write_text(obj_text(sphere(n, radius).corners))
+    return str(path)
+
+
+def furnace(file, n_strands=10_000, **mesh):
+    """White fur on a mesh in white light."""
+    return decode_scene(
+        {
+            "camera": {"azimuth_deg": -60.0, "elevation_deg": 35.0},
+            "film": {"width": 32, "height": 32},
+            "fibre": WHITE,
+            "environment": {"kind": "constant"},
+            "curves": {
+                "generator": "fur", "n_strands": n_strands, "length": 0.2, "radius": 0.01,
+                "clumping": 0.0, "seed": 4,
+            },
+            "mesh": {"skin": {"file": file, "albedo": 1.0, **mesh}},
+            "render": {
+                "spp": 320, "residual": True, "max_depth": 2000, "roulette": "depth",
+                "roulette_depth": 2000, "sequence": "independent", "light_sampling": "bcsdf",
+            },
+        },
+        "furnace",
+    )  # fmt: skip
+
+
+def mean_and_error(image):
+    """The mean of a grey picture and its standard error, by the variance that the film keeps."""
+    values = image.rgb[..., 0].astype(np.float64)
+    return values.mean(), np.sqrt(image.variance[..., 0].sum(dtype=np.float64)) / values.size
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "facets"])
+@pytest.mark.parametrize("radius", [0.995, 1.0, 1.02], ids=["roots above", "roots on", "roots in"])
+def test_white_mesh_under_white_fur_disappears(device, tmp_path, radius, smooth):
+    """The mean is 1 within 0.1 %, and its standard error is below a quarter of that."""
+    scene = furnace(ball(tmp_path, radius), smooth=smooth)
+    image = furcl.render(scene, device=device)
+    mean, error = mean_and_error(image)
+    assert image.stats["hits_per_path"] > 1.0
+    assert image.stats["path_length"] > image.stats["hits_per_path"] + 1.2
+    assert error < 2.5e-4
+    assert abs(mean - 1.0) < 1e-3
+
+
+def flat_fur(file):
+    """White fur that lies on a mesh, in which the axes of many of its segments are."""
+    fur = {
+        "lean_deg": 85.0,
+        "bend_deg": 5.0,
+        "comb_noise_deg": 40.0,
+        "frizz": 0.0,
+        "undercoat": 0.0,
+    }
+    scene = furnace(file, n_strands=5000)
+    return with_overrides(scene, [f"curves.{k}={v}" for k, v in fur.items()], max_depth=100)
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("radius", [1.0, 1.005, 1.01, 1.02])
+def test_hair_that_sinks_into_a_mesh_loses_no_light(device, tmp_path, radius):
+    """Strands lie half in the mesh: rays from their axes begin below it."""
+    mean, error = mean_and_error(furcl.render(flat_fur(ball(tmp_path, radius, 48)), device=device))
+    assert error < 2.5e-4
+    assert abs(mean - 1.0) < 1e-3
+
+
+def test_a_fibre_that_sees_what_it_is_below_loses_light(device, tmp_path, monkeypatch):
+    """The mutant of the test above. Measured: the mean is 0.987."""
+    pattern = r"return 2\.0f \* fmax\(vertex_at"
+    substitute(monkeypatch, pattern, "return 0.0f * fmax(vertex_at", within="stages/intersect.cl")
+    mean, _ = mean_and_error(furcl.render(flat_fur(ball(tmp_path, 1.01, 48)), device=device))
+    assert mean < 1.0 - 5e-3
+
+
+def alone(file, environment=None, size=16, spp=16, **mesh):
+    """A mesh that fills most of the picture, seen from -y, and a strand far away."""
+    return decode_scene(
+        {
+            "camera": {"origin": [0.0, -8.0, 0.0], "target": [0.0, 0.0, 0.0], "vfov_deg": 10.0},
+            "film": {"width": size, "height": size, "filter": "box"},
+            "fibre": {"preset": "human-black"},
+            "environment": environment or {"kind": "constant"},
+            "curves": {"generator": "fibre", "radius": 1e-4, "length": 1e-2, "centre": [0, 50, 0]},
+            "mesh": {"it": {"file": file, **mesh}},
+            "render": {"spp": spp, "sequence": "independent", "roulette": "depth"},
+        },
+        "alone",
+    )
+
+
+@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "facets"])
+@pytest.mark.parametrize("light_sampling", ["bcsdf", "mis"])
+def test_a_convex_mesh_in_even_light_shows_its_albedo(device, tmp_path, light_sampling, smooth):
+    """To a bit without light samples, however coarse the mesh is; with them within 5 errors of 768
+    values (alpha 4e-4)."""
+    albedo = np.array([0.9, 0.5, 0.1])
+    scene = alone(ball(tmp_path, 2.0, 5), smooth=smooth, albedo=albedo.tolist(), spp=64)
+    scene = with_overrides(scene, [f"render.light_sampling={light_sampling}"])
+    image = furcl.render(scene, device=device)
+    assert image.variance is not None
+    error = np.sqrt(image.variance.astype(np.float64)) if light_sampling == "mis" else 0.0
+    assert (np.abs(image.rgb - albedo) <= 5.0 * error + 2e-6).all()
+
+
+@pytest.mark.statistical
+@pytest.mark.parametrize("smooth", [True, False], ids=["smooth", "facets"])
+def test_light_samples_of_meshes_change_no_mean(device, tmp_path, smooth):
+    """Under a sky, with and without. The mean of three channels within 4.5 errors (alpha 2e-5)."""
+    environment = {"kind": "sky", "sun_radius_deg": 20.0}
+    scene = alone(ball(tmp_path, 0.6, 6), environment, 12, 1024, smooth=smooth, albedo=0.8)
+    with_samples, without = (
+        furcl.render(with_overrides(scene, [f"render.light_sampling={word}"]), device=device)
+        for word in ("mis", "bcsdf")
+    )
+    assert with_samples.variance is not None
+    assert without.variance is not None
+    difference = with_samples.rgb.sum(axis=(0, 1), dtype=np.float64) - without.rgb.sum(axis=(0, 1))
+    error = np.sqrt((with_samples.variance + without.variance).sum(axis=(0, 1), dtype=np.float64))
+    assert (error < 0.01 * without.rgb.sum(axis=(0, 1))).all()
+    assert (np.abs(difference) < 4.5 * error).all()
+
+
+SQUARE = np.array([[[-1, 0, -1], [1, 0, -1], [1, 0, 1]], [[-1, 0, -1], [1, 0, 1], [-1, 0, 1]]])
+
+
+def test_a_texture_is_where_its_coordinates_say(device, tmp_path, rng):
+    """A square in even light shows its texture, repeated and bilinear. The reference is scipy's."""
+    texture = rng.random((4, 6, 3)).astype(np.float32)
+    Image(texture).save(tmp_path / "a.exr")
+    (tmp_path / "a.obj").write_text(obj_text(SQUARE, places=SQUARE[..., [0, 2]] * 0.7 + 0.4))
+    scene = alone(
+        str(tmp_path / "a.obj"), texture_file=str(tmp_path / "a.exr"), size=32, albedo=0.5
+    )
+    scene = with_overrides(scene, ["render.light_sampling=bcsdf", "camera.vfov_deg=14.0"])
+    samples = 512
+    found = furcl.render(scene, device=device, spp=samples).rgb
+    # The mean over a pixel, by 16 x 16 points of it.
+    at = (np.arange(512) + 0.5) / 512 * 2.0 - 1.0
+    half = 8.0 * np.tan(np.radians(7.0))
+    x, z = np.meshgrid(half * at, -half * at)
+    row = (1.0 - (0.7 * z + 0.4)) * 4 - 0.5
+    column = (0.7 * x + 0.4) * 6 - 0.5
+    expected = np.stack(
+        [ndimage.map_coordinates(texture[..., c], [row, column], order=1, mode="grid-wrap")
+         for c in range(3)], axis=2,
+    )  # fmt: skip
+    expected = 0.5 * expected.reshape(32, 16, 32, 16, 3).mean(axis=(1, 3))
+    assert np.abs(found - expected).max() < 0.02
+    assert np.abs(found - expected[::-1]).max() > 0.1
+
+
+def test_a_mesh_that_emits_is_seen(device, tmp_path):
+    """Its fronts add their radiance to what they reflect."""
+    scene = alone(ball(tmp_path, 2.0), albedo=0.5, emission=[3.0, 2.0, 1.0])
+    image = furcl.render(with_overrides(scene, ["render.light_sampling=bcsdf"]), device=device)
+    assert np.allclose(image.rgb, [3.5, 2.5, 1.5], rtol=1e-5)
+
+
+def test_light_of_a_mesh_falls_on_another(device, tmp_path):
+    """A square before a bright one of its size, at half the length of its sides. To the middle of
+    such squares belongs a form factor of 4 / pi * atan(1 / sqrt 2) / sqrt 2 (Howell, A catalog of
+    radiation heat transfer configuration factors, B-3)."""
+    (tmp_path / "lit.obj").write_text(obj_text(SQUARE))
+    (tmp_path / "bright.obj").write_text(obj_text(SQUARE + np.array([0, 1, 0])))
+    scene = alone(str(tmp_path / "lit.obj"), {"kind": "constant", "radiance": 1e-7}, 4, 16384)
+    scene = with_overrides(
+        scene,
+        [
+            "camera.origin=[0, 0.5, 0]", "camera.target=[0, 0, 0]", "camera.up=[0, 0, 1]",
+            "camera.vfov_deg=0.5", "mesh.it.albedo=0.6", "render.light_sampling=bcsdf",
+            f"mesh.bright.file={tmp_path / 'bright.obj'}", "mesh.bright.emission=2.0",
+            "mesh.bright.albedo=0.0",
+        ],
+    )  # fmt: skip
+    mean, error = mean_and_error(furcl.render(scene, device=device))
+    factor = 4.0 / np.pi * np.arctan(1.0 / np.sqrt(2.0)) / np.sqrt(2.0)
+    assert error < 2e-3
+    assert abs(mean - 0.6 * 2.0 * factor) < 4.0 * error
