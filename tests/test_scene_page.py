@@ -47,7 +47,7 @@ def document(section: make_scene.Section, tmp_path) -> dict[str, Any]:
         scalp = tables["groom"].setdefault("scalp", {})
         scalp.setdefault("curves", MINIMAL["curves"])
     for keys, table in files_in(tables):
-        (tmp_path / table[keys[-1]]).touch()
+        (tmp_path / table[keys[-1]]).write_bytes(b" ")
         table[keys[-1]] = str(tmp_path / table[keys[-1]])
     return tables
 
