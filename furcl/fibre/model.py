@@ -112,7 +112,7 @@ class FibreFeatures(ABC):
         names = [lobe.name for lobe in self.model.lobes]
         return {
             **self.model.constants(),
-            **({"FURCL_ABSORBED": self.model.absorbed} if self.model.absorbed else {}),
+            "FURCL_ABSORBED": self.model.absorbed or "nothing",
             **{f"FURCL_LOBE_{name.upper()}": f"{i}u" for i, name in enumerate(names)},
             **self.switches(),
             "FURCL_LOBES": self.n_lobes,
