@@ -43,7 +43,7 @@ def test_wrapped_gaussian(device, beta):
     x = np.linspace(-7, 7, 4001).astype(np.float32)
     got = call(
         device,
-        "fibre/double_cylinder/unscattered.clh",
+        "fibre/cylinder/directions.clh",
         "azimuthal_density(x, y)",
         x,
         np.float32(beta),

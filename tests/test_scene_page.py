@@ -46,6 +46,8 @@ def document(section: make_scene.Section, tmp_path) -> dict[str, Any]:
         del tables["curves"]
         scalp = tables["groom"].setdefault("scalp", {})
         scalp.setdefault("curves", MINIMAL["curves"])
+    if section.name.startswith("mesh"):
+        tables["mesh"].setdefault("head", {}).setdefault("file", "head.obj")
     for keys, table in files_in(tables):
         (tmp_path / table[keys[-1]]).write_bytes(b" ")
         table[keys[-1]] = str(tmp_path / table[keys[-1]])

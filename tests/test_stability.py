@@ -274,7 +274,7 @@ def test_azimuthal_density_integrates_to_one(device, beta):
     at = ((cuts[:-1, None] + half) + half * x).ravel()
     got = call(
         device,
-        "fibre/double_cylinder/unscattered.clh",
+        "fibre/cylinder/directions.clh",
         "azimuthal_density(x, y)",
         at,
         np.float32(beta),

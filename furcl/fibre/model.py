@@ -240,7 +240,13 @@ H_GIVEN_PHI_FUNCTION = "lobe_azimuthal_estimate"
 
 # furcl's own by their modules, which import this one.
 _models: Registry[FibreModel | str] = Registry(
-    "fibre model", FibreError, {"double-cylinder": "furcl.fibre.double_cylinder.model"}
+    "fibre model",
+    FibreError,
+    {
+        "double-cylinder": "furcl.fibre.double_cylinder.model",
+        "chiang": "furcl.fibre.chiang.model",
+        "deon": "furcl.fibre.deon.model",
+    },
 )
 
 

@@ -77,19 +77,31 @@ def sigma_ca_from_colour(colour: Sequence[float], beta_n_deg: float) -> Triple:
     medulla, so a groom with one comes out paler or greyer than asked for. Their roughness parameter
     is taken from ``beta_n_deg`` by equal standard deviation, see `chiang_roughness`.
     """
+    values = check_colour(colour)
+    scale = albedo_polynomial(chiang_roughness(beta_n_deg))
+    r, g, b = ((math.log(c) / scale) ** 2 for c in values)
+    return r, g, b
+
+
+def check_colour(colour: Sequence[float]) -> list[float]:
+    """Three channels of a wanted colour.
+
+    Raises
+    ------
+    FibreError      a channel outside COLOUR_RANGE
+    """
     values = [float(c) for c in colour]
     if len(values) != 3 or not all(COLOUR_RANGE[0] <= c <= COLOUR_RANGE[1] for c in values):
         raise FibreError(
             f"fibre.colour = {list(colour)} - allowed are three values from 1e-6 to 1 - "
             "give the linear albedo of the wanted colour (decode sRGB first)"
         )
-    r, g, b = sigma_ca_from_colours(np.array(values), beta_n_deg).tolist()
-    return r, g, b
+    return values
 
 
 def sigma_ca_from_colours(colours: NDArray[np.floating], beta_n_deg: float) -> NDArray[np.floating]:
     """As `sigma_ca_from_colour`, of an array of colours of any shape within COLOUR_RANGE."""
-    return (np.log(colours) / _albedo_polynomial(chiang_roughness(beta_n_deg))) ** 2
+    return (np.log(colours) / albedo_polynomial(chiang_roughness(beta_n_deg))) ** 2
 
 
 def colour_from_sigma_ca(sigma_ca: Sequence[float], beta_n_deg: float) -> Triple:
@@ -100,7 +112,7 @@ def colour_from_sigma_ca(sigma_ca: Sequence[float], beta_n_deg: float) -> Triple
             f"fibre.sigma_ca = {list(sigma_ca)} - allowed are three values from 0 to 1e4 - "
             "give the absorption per fibre radius"
         )
-    scale = _albedo_polynomial(chiang_roughness(beta_n_deg))
+    scale = albedo_polynomial(chiang_roughness(beta_n_deg))
     r, g, b = (math.exp(-math.sqrt(s) * scale) for s in sigma_ca)
     return r, g, b
 
@@ -130,5 +142,6 @@ def chiang_roughness(beta_n_deg: float) -> float:
     return 0.5 * (low + high)
 
 
-def _albedo_polynomial(b: float) -> float:
+def albedo_polynomial(b: float) -> float:
+    """Of the azimuthal roughness 0..1 of Chiang et al. 2016: -ln(albedo) over sqrt(absorption)."""
     return 5.969 - 0.215 * b + 2.532 * b**2 - 10.73 * b**3 + 5.574 * b**4 + 0.245 * b**5

@@ -3,15 +3,12 @@
 import dataclasses
 import difflib
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 from furcl.errors import FibreError
 from furcl.fibre.pigment import BETA_RANGE_DEG, sigma_ca_from_melanin
-
-Triple = tuple[float, float, float]
+from furcl.fibre.ranges import Triple, number, triple
 
 RANGES: dict[str, tuple[float, float]] = {
     "eta": (1.0001, 3.0),
@@ -73,8 +70,9 @@ class Fibre:
 
     def __post_init__(self) -> None:
         for name in RANGES:
-            check = _triple if name in _COLOURS else _number
-            object.__setattr__(self, name, check(name, getattr(self, name)))
+            check = triple if name in _COLOURS else number
+            value = check(name, getattr(self, name), RANGES[name], _UNITS[name])
+            object.__setattr__(self, name, value)
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> "Fibre":
@@ -150,33 +148,6 @@ class Fibre:
     def has_medulla(self) -> bool:
         """Whether scattered lobes can exist at all: a medulla that scatters."""
         return self.kappa > 0.0 and self.sigma_ms > 0.0
-
-
-def _number(name: str, value: object) -> float:
-    low, high = RANGES[name]
-    if isinstance(value, bool) or not isinstance(value, Real) or not low <= float(value) <= high:
-        raise FibreError(
-            f"fibre.{name} = {value!r} - allowed is a number from {low:g} to {high:g}{_UNITS[name]}"
-        )
-    return float(value)
-
-
-def _triple(name: str, value: object) -> Triple:
-    if isinstance(value, Real):
-        number = _number(name, value)
-        return (number, number, number)
-    low, high = RANGES[name]
-    try:
-        items = list(cast(Sequence[object], value))
-    except TypeError:
-        items = []
-    if isinstance(value, str) or len(items) != 3:
-        raise FibreError(
-            f"fibre.{name} = {value!r} - allowed is one number or three (r, g, b) "
-            f"from {low:g} to {high:g}{_UNITS[name]}"
-        )
-    r, g, b = (_number(name, item) for item in items)
-    return (r, g, b)
 
 
 _UNITS = {

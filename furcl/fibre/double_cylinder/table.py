@@ -7,22 +7,10 @@ from typing import Annotated, Any, ClassVar
 from msgspec import Meta
 
 from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
+from furcl.fibre.melanin import Melanin
 from furcl.fibre.model import ModelTable
 from furcl.fibre.pigment import COLOUR_RANGE, sigma_ca_from_colour, sigma_ca_from_melanin
-from furcl.table import Rgb, Table
-
-
-class Melanin(Table, frozen=True, kw_only=True):
-    """Concentrations of the pigments of hair.
-
-    Attributes
-    ----------
-    eumelanin : float       the brown and black one; 0.3 is blond, 1.3 brown, 8 black
-    pheomelanin : float     the red and yellow one
-    """
-
-    eumelanin: Annotated[float, Meta(ge=0.0, le=100.0, examples=[1.3])] = 0.0
-    pheomelanin: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+from furcl.table import Rgb
 
 
 class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="double-cylinder"):

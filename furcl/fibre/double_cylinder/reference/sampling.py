@@ -203,11 +203,11 @@ def _draw_direction(
     if name == RESIDUAL:
         phi = rng.uniform(-np.pi, np.pi, n)
     # R depends on phi, which therefore comes first.
-    theta_o = _draw_inclination(*centre_and_width(fibre, p, theta, phi), rng)
+    theta_o = draw_inclination(*centre_and_width(fibre, p, theta, phi), rng)
     return Pair(theta, theta_o, np.sin(theta_o), phi, h, geo)
 
 
-def _draw_inclination(mu: Array, beta: Array, rng: np.random.Generator) -> Array:
+def draw_inclination(mu: Array, beta: Array, rng: np.random.Generator) -> Array:
     """theta_o [rad] with the longitudinal density of centre mu and width beta.
 
     m_p is the density of the sine of directions that are distributed as exp(cos(angle) / v) around

@@ -1,0 +1,1 @@
+"""The fibre of Chiang et al. 2016."""

@@ -1,0 +1,1 @@
+"""What models of a cylinder without a medulla share."""

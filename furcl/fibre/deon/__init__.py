@@ -1,0 +1,1 @@
+"""The fibre of d'Eon et al. 2011."""
