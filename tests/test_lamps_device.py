@@ -94,7 +94,7 @@ def test_rays_weigh_light_by_the_density_of_samples(device, name, place, rng):
     aims = found.directions[area].astype(np.float64)
     ways = rng.normal(size=(N // 4, 3))
     directions = np.concatenate([aims, ways / np.linalg.norm(ways, axis=1)[:, None]])
-    origins = points[: len(directions)]
+    origins = np.concatenate([points[area], points[: N // 4]])
     t, met = lamp_kernels.trace(device, lights, origins, directions)
     first = np.zeros(0, bool)
     if len(aims):
