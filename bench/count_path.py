@@ -2,7 +2,8 @@
 
 Of the kernels every file whose text is in the build of a stage, as `Wavefront` builds it; of Python
 every file of furcl with a function that runs while waves are traced, seen by the interpreter in a
-render of a few pixels under a sky that is sampled. Whole files count, with their comments. What
+render of a few pixels under a sky that is sampled. Of the kernels the lines count that the scene's
+builds leave in, of Python whole files, both with their comments. What
 any program needs and a reader knows, functions of mathematics, vectors, random numbers, launches
 and memory, counts apart (UTILITIES): so it is in the figures of other renderers.
 `--page docs/architecture.md` writes the table into that page.
@@ -34,7 +35,7 @@ PIXELS = "8x8"
 UTILITIES = (
     *(
         f"kernels/include/core/{name}.clh"
-        for name in ("prelude", "math", "cdf", "spectrum", "lanes", "rng", "sobol")
+        for name in ("prelude", "math", "cdf", "spectrum", "lanes", "queue_lanes", "rng", "sobol")
     ),
     "furcl/device/",
 )
@@ -80,18 +81,48 @@ class Count:
 def count(scene: str = SCENE, device: str | Device | None = None) -> Count:
     """What the paths of a scene pass."""
     renderer = Renderer(load_scene(scene, size=PIXELS, overrides=SETTINGS), device)
-    kernels = {f for text in renderer.wavefront.texts() for f in _files_of(text)}
-    return Count(_lines(kernels), _lines(_files_that_run(lambda: renderer.advance(1))))
+    kernels: dict[str, set[int]] = {}
+    for text in renderer.wavefront.texts():
+        for label, numbers in _lines_left(text).items():
+            kernels.setdefault(_place(label), set()).update(numbers)
+    left = {file: len(numbers) for file, numbers in sorted(kernels.items())}
+    return Count(left, _lines(_files_that_run(lambda: renderer.advance(1))))
 
 
-def _files_of(text: str) -> set[Path]:
-    """The files of which the compiler sees something in an expanded kernel."""
+def _place(label: str) -> str:
+    """The file that a #line directive of an expanded kernel names, relative to the repository."""
     folder = kernel_folder()
-    # In front of the first line of a file, which only the text of that file has.
-    marked = re.sub(r'^#line 1 "(.+)"$', r'#line 1 "\1"\nfurcl_file("\1")', text, flags=re.M)
-    labels = set(re.findall(r'furcl_file\("(.+)"\)', preprocessed(marked)))
-    places = [(folder / label, folder / "include" / label) for label in labels]
-    return {next(place for place in both if place.is_file()) for both in places}
+    places = (folder / label, folder / "include" / label)
+    return next(p for p in places if p.is_file()).relative_to(REPOSITORY).as_posix()
+
+
+def _lines_left(text: str) -> dict[str, set[int]]:
+    """The lines of each file of an expanded kernel that no condition of its build takes away."""
+    # A word of its own in every branch shows which of them the preprocessor leaves.
+    marked, place, branches = [], ("", 0), [0]
+    lines: list[tuple[str, int, tuple[int, ...]]] = []
+    n = 0
+    for line in text.splitlines():
+        marked.append(line)
+        moved = re.match(r'#line (\d+) "(.+)"', line)
+        directive = re.match(r"\s*#\s*(if|elif|else|endif)", line)
+        if moved:
+            place = moved[2], int(moved[1]) - 1
+            continue
+        place = place[0], place[1] + 1
+        if directive and directive[1] != "if":
+            branches.pop()
+        lines.append((*place, tuple(branches)))
+        if directive and directive[1] != "endif":
+            n += 1
+            branches.append(n)
+            marked.append(f"BRANCH_{n}")
+    left = {0, *map(int, re.findall(r"\bBRANCH_(\d+)\b", preprocessed("\n".join(marked))))}
+    found: dict[str, set[int]] = {}
+    for label, number, inside in lines:
+        if label and left.issuperset(inside):
+            found.setdefault(label, set()).add(number)
+    return found
 
 
 def _files_that_run(call: Callable[[], object]) -> set[Path]:

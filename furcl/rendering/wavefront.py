@@ -116,6 +116,7 @@ class FibreStages:
     ----------
     material : FibreMaterial
     queue : np.uint32           number of its hit queue
+    n_lobes : int
     lobe_counts : cl.Buffer     selections of each lobe
     stages : dict               name of a stage -> Stage
     """
@@ -123,9 +124,9 @@ class FibreStages:
     def __init__(self, memory: Memory, material: FibreMaterial, queue: int) -> None:
         self.material = material
         self.queue = np.uint32(queue)
-        n = 4 * len(material.lobes)
+        self.n_lobes = len(material.lobes)
         name = f"lobe counts: {queue}" if queue else "lobe counts"
-        self.lobe_counts = memory.allocate(name, n, zero=True)
+        self.lobe_counts = memory.allocate(name, 4 * self.n_lobes, zero=True)
         self.stages: dict[str, Stage] = {}
 
 
@@ -493,9 +494,9 @@ class Wavefront:
         to zero."""
         found = []
         for fibre in self.fibres:
-            n = len(fibre.material.lobes)
-            found.append(self.memory.read(fibre.lobe_counts, n, np.uint32).astype(np.int64))
-            fill(self.queue, fibre.lobe_counts, 0, 4 * n)
+            read = self.memory.read(fibre.lobe_counts, fibre.n_lobes, np.uint32)
+            found.append(read.astype(np.int64))
+            fill(self.queue, fibre.lobe_counts, 0, 4 * fibre.n_lobes)
         return found
 
     def _size(self, stage: str, n: int) -> Size:
