@@ -175,10 +175,13 @@ ROOM = re.findall(
 
 @pytest.mark.parametrize(("what", "own", "listed"), ROOM, ids=[what for what, _, _ in ROOM])
 def test_the_page_lists_every_file_that_names_an_example(what, own, listed):
-    """By its module or by its header; files in a folder of the example's own aside."""
+    """By its module, its header or the kind of its table; files in a folder of its own aside."""
     files = [Path(name) for name in re.findall(r"`(.+?)`", own)]
     parts = ["/".join(file.with_suffix("").parts[-2:]) for file in files]
-    named = re.compile("|".join(rf"\b{re.sub('/', '[./]', part)}\b" for part in parts))
+    ways = [rf"\b{re.sub('/', '[./]', part)}\b" for part in parts]
+    for folder, name in (p.split("/") for p in parts if not p.endswith(("model", "bcsdf"))):
+        ways += [rf"from [\w.]*\b{folder} import .*\b{name}\b", rf'tag="{name}"']
+    named = re.compile("|".join(ways))
     code = [name for name in SOURCES if name.startswith(("furcl/", "kernels/"))]
     homes = [file.parent.as_posix() for file in files if file.stem in ("model", "bcsdf")]
     naming = {
@@ -192,7 +195,7 @@ def test_the_page_lists_every_file_that_names_an_example(what, own, listed):
 
 
 def test_there_is_room_for_all_that_comes():
-    assert len(ROOM) == 6
+    assert len(ROOM) == 7
 
 
 def test_the_page_shows_the_layers_that_are_held():

@@ -114,7 +114,7 @@ def build_material(
     name : str                  of the material
     absorbs : (low, high)       the smallest and the largest absorption of any channel at any hit,
                                 where it is not that of the fibre: low < high
-    absorption : (n,) uint32    what furcl.fibre.absorption.packed returns, where strands or points
+    absorption : (n,) uint32    what furcl.fibre.packed makes of them, where strands or points
                                 have values
 
     Raises

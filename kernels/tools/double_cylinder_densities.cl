@@ -3,7 +3,7 @@
    reads    (sin, cos) of theta of wo; (s, c, azimuth, azimuth from the lobe's centre) of wi; material
    writes   longitudinal and azimuthal density
    over     n */
-#include "fibre/double_cylinder/bcsdf.clh"
+#include <fibre>
 
 __kernel void double_cylinder_densities(
     __global const float2* theta, __global const float4* to, __global float* longitudinal,
