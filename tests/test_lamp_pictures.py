@@ -167,7 +167,8 @@ def test_white_fibres_vanish_between_six_lamps(device, seed):
 
 MUTANTS = {
     "light samples are not weighed": (
-        r"rival_density\(&chosen, towards\.pdf\)", "0.0f", "stages/shade.cl",
+        r"(towards\.value .*)rival_density\(&chosen, towards\.pdf\)", r"\g<1>0.0f",
+        "stages/shade.cl",
     ),
     "rays are not weighed": (
         r"pdf > 0\.0f \? pdf / \(pdf \+ rival\) : 1\.0f", "1.0f", "stages/shade_escaped.cl",

@@ -85,8 +85,8 @@ MUTANTS = {
         "bounce.pdf = 2.0f * direction_density(fibre, in, d).sum;",
     ),
     "light samples weighed against half the density": (
-        r"rival_density\(&chosen, towards\.pdf\)",
-        "rival_density(&chosen, 0.5f * towards.pdf)",
+        r"(towards\.value .*)rival_density\(&chosen, towards\.pdf\)",
+        r"\1rival_density(&chosen, 0.5f * towards.pdf)",
     ),
 }
 
