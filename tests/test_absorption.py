@@ -42,7 +42,7 @@ SIGMAS = {
     "of a node": (4.0, 4.0, 4.0),
     "of the other end": (0.05, 0.05, 0.05),
     "grey": (0.6, 0.6, 0.6),
-    "coloured": (0.1, 0.7, 3.0),
+    "coloured": (0.2, 0.7, 1.5),
 }
 LEVEL = sidak(2 * 5 * len(SIGMAS))
 """Of one lobe's test."""
