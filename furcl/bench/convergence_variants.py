@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import msgspec
+from msgspec import json
 
 from furcl.device.features import Features
 from furcl.errors import BenchError, SamplerError, SceneError
@@ -127,7 +128,7 @@ def _dotted(key: str, name: str) -> str:
     if dot and first in TABLES:
         return key
     owners = {field: table for table in reversed(TABLES) for field in fields(TABLES[table])}
-    if dot and first not in owners:
+    if dot and (first not in owners or first in fields(Scene)):
         raise BenchError(
             f"variant {name!r}: {key}: variants change keys of [render] and [film] only; --set "
             f"{key}=VALUE changes the scene for all of them"
@@ -138,7 +139,8 @@ def _dotted(key: str, name: str) -> str:
 
 def settings_of(scene: Scene) -> dict[str, Any]:
     """Values of [render] and [film] as a render has them, without those of the plan."""
-    tables = {name: msgspec.to_builtins(getattr(scene, name)) for name in TABLES}
+    # As JSON has them: lists for tuples.
+    tables = {name: json.decode(json.encode(getattr(scene, name))) for name in TABLES}
     for dotted in _PLANNED:
         table, _, key = dotted.partition(".")
         del tables[table][key]
