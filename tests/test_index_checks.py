@@ -76,7 +76,7 @@ def test_a_segment_that_does_not_exist_is_reported(renderer):
     with pytest.raises(
         KernelIndexError, match=r"sample_lobe_h, geometry/fibre_hits.clh:\d+: index 12345"
     ):
-        stages.sample_lobe_h(wave, active, 0)
+        stages.sample_lobe_h(stages.fibres[0], wave, active, 0)
 
 
 @pytest.mark.parametrize("kind", ["subtree", "segment"])
@@ -105,13 +105,13 @@ def test_a_broken_tree_is_reported(renderer, kind):
 # File, what is wrong in it, what replaces it; the kernel that finds it and the text of its line.
 MUTANTS = {
     "row of the tables": (
-        "include/fibre/sampler.clh", "(FURCL_TABLE_ROWS - 1), FURCL_TABLE_ROWS)", "2e3f, 2000)",
-        "marginal_densities", "include/fibre/sampler.clh",
-        "fibre_record(fibre), row->node, FURCL_TABLE_ROWS - 1)",
+        "include/fibre/rows.clh", "(FURCL_TABLE_ROWS - 1), FURCL_TABLE_ROWS)", "2e3f, 2000)",
+        "marginal_densities", "include/fibre/rows.clh",
+        "fibre_record(fibre), at.row, FURCL_TABLE_ROWS - 1)",
     ),
     "row of the marginal densities": (
-        "include/fibre/sampler.clh", "row.node * FURCL_MARGINAL_PHIS +",
-        "(row.node + 99u) * FURCL_MARGINAL_PHIS +",
+        "include/fibre/sampler.clh", "rows.theta.node * FURCL_MARGINAL_PHIS +",
+        "(rows.theta.node + 99u) * FURCL_MARGINAL_PHIS +",
         "shade", "include/fibre/sampler.clh", "fibre_record(fibre), node, n_nodes)",
     ),
     "bin of the profiles": (

@@ -129,7 +129,7 @@ def test_includes_are_found_beside_the_file(device, registered, tmp_path):
 def test_a_sampler_without_tables_cannot_read_them(device, registered):
     """They are not declared, so that such a text does not compile."""
     registered("no-tables", _file("attenuation-cdf"), needs_tables=False)
-    with pytest.raises(KernelBuildError, match="table_rows"):
+    with pytest.raises(KernelBuildError, match="rows_at"):
         Probe(fibre(), sampling="no-tables", device=device)
 
 
