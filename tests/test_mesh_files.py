@@ -92,14 +92,16 @@ def test_ply(tmp_path, binary, rng):
 
 
 REFUSED = {
-    "empty.obj": ("", "no triangles"),
+    "empty.obj": ("", "it is empty"),
+    "blank.obj": ("\n", "no triangles"),
     "points.obj": ("v 0 0 0\nv 1 0 0\n", "no triangles"),
     "beyond.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "is no .obj file"),
     "nan.obj": ("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 0 is at"),
     "large.obj": ("v 0 0 1e12\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "up to 1e+09"),
     "line.obj": ("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\nf 1 1 2\n", "on a line"),
     "noise.obj": (b"\x00\xff\x13\x37", "no triangles"),
-    "empty.ply": ("", "is no .ply file"),
+    "empty.ply": ("", "it is empty"),
+    "blank.ply": ("\n", "is no .ply file"),
     "cloud.ply": (ply_text(SQUARE, []), "no triangles"),
     "short.ply": (ply_text(SQUARE, [[0, 1, 2]])[:-20], "no triangles"),
     "beyond.ply": (ply_text(SQUARE, [[0, 1, 7]]), "triangle 0 has the vertices"),

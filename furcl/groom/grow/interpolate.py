@@ -121,7 +121,7 @@ def _neighbours(guides: Curves, shapes: Block, spread_deg: float) -> NDArray[np.
     roots = shapes[:, 0]
     if m == 1:
         return np.zeros((1, NEIGHBOURS), np.int64)
-    found = KDTree(roots).query(roots, k=min(NEIGHBOURS + 1, m))[1]
+    found = np.asarray(KDTree(roots).query(roots, k=min(NEIGHBOURS + 1, m))[1])
     around = np.resize(found[:, 1:].T, (NEIGHBOURS, m)).T.astype(np.int64)
     way = shapes[:, -1] - roots
     way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-30)
