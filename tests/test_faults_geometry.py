@@ -23,8 +23,8 @@ MUTANTS = {
         (BLOCK, "float slack = 1.5e-6f * (", "float slack = ray->slack + 1.5e-6f * ("),
         (
             "bvh/traversal.clh", "    __global const uint* block = block_at(groom, tv->next);",
-            "tv->ray.slack = 4e-4f * as_float(groom->blocks[FURCL_BLOCK_STEP]); "
-            "__global const uint* block = block_at(groom, tv->next);",
+            "tv->ray.slack = 4e-4f * as_float(groom->blocks[FURCL_BLOCK_STEP]);"
+            + " __global const uint* block = block_at(groom, tv->next);",
         ),
     ),
     "small nodes are opened": (
