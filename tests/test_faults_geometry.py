@@ -24,7 +24,7 @@ MUTANTS = {
         (
             "bvh/traversal.clh", "    __global const uint* block = block_at(groom, tv->next);",
             "tv->ray.slack = 4e-4f * as_float(groom->blocks[FURCL_BLOCK_STEP]);"
-            + " __global const uint* block = block_at(groom, tv->next);",
+             " __global const uint* block = block_at(groom, tv->next);",
         ),
     ),
     "small nodes are opened": (
