@@ -16,6 +16,11 @@ from furcl.groom import curves as curves_module
 CASES = {case.name: case for case in geometry.CASES}
 BLOCK, TREE, CURVE = "bvh/block.clh", "bvh/binary_tree.clh", "geometry/curve.clh"
 # What is replaced by what in which file, and the case that sees it.
+# Of the whole groom's size, added to the rounding that blocks allow for.
+SLACK = (
+    "tv->ray.slack = 4e-4f * as_float(groom->blocks[FURCL_BLOCK_STEP]); "
+    "__global const uint* block = block_at(groom, tv->next);"
+)
 MUTANTS = {
     "rounding of the whole groom": (
         "one stray point slows all rays",
@@ -23,8 +28,7 @@ MUTANTS = {
         (BLOCK, "float slack = 1.5e-6f * (", "float slack = ray->slack + 1.5e-6f * ("),
         (
             "bvh/traversal.clh", "    __global const uint* block = block_at(groom, tv->next);",
-            "tv->ray.slack = 4e-4f * as_float(groom->blocks[FURCL_BLOCK_STEP]);"
-             " __global const uint* block = block_at(groom, tv->next);",
+            SLACK,
         ),
     ),
     "small nodes are opened": (
