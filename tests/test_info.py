@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_documents import fur_patch
+from mesh_files import obj_text
+from mesh_shapes import sphere
+from scene_documents import fur_patch, minimal
 
 import furcl
 import furcl.cli
 from furcl.cli import facts as cli_facts
+from furcl.cli import warnings
 from furcl.cli.facts import of_scene, on_device
 from furcl.device.choice import Device
 from furcl.errors import NoDeviceError
@@ -22,7 +25,7 @@ from furcl.groom.curves import Curves
 from furcl.groom.formats import save_curves
 from furcl.image.image import Image
 from furcl.rendering.renderer import Renderer
-from furcl.scene.read import load_scene, with_overrides
+from furcl.scene.read import decode_scene, load_scene, with_overrides
 from furcl.scene.tables import Scene
 
 SCENE = """
@@ -142,3 +145,24 @@ def test_render_logs_its_features(device: Device, caplog: pytest.LogCaptureFixtu
     assert "residual" in after
     assert "residual" not in before
     assert " MiB on the device, compiled in " in after
+
+
+@pytest.mark.parametrize(
+    ("height", "said"), [(0.0, False), (-1.02, False), (-30.0, True)], ids=["in", "floor", "far"]
+)
+def test_a_mesh_far_beside_the_groom_is_told(tmp_path, height, said):
+    """A ball within the fur, one just below it like a floor, one in other units."""
+    (tmp_path / "ball.obj").write_text(obj_text(sphere(8, 1.0).corners))
+    scene = decode_scene(
+        minimal(
+            curves={"generator": "fur", "n_strands": 200, "length": 0.1},
+            mesh={
+                "ball": {
+                    "file": str(tmp_path / "ball.obj"),
+                    "transform": {"translate": [0.0, 0.0, 2.0 * height]},
+                }
+            },
+        )
+    )
+    told = list(warnings.of_scene(scene, scene.build_curves(), scene.build_meshes()))
+    assert any("beside each other" in text for text in told) == said

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 POINTS = 100_000  # as many points of a groom are looked at
 FAR_SIZES = 1e5  # there float32 places points within a hundredth of the groom's size
 SMALL_PX = 2.0
+# Of the groom's size.
+FAR_BESIDE = 0.25
 THIN_PX = 1e-3
 LONG_SPP = 1e11  # samples of all pixels: hours on any machine
 
@@ -94,10 +96,12 @@ def _of_body(body: Surface, camera: Camera, points: Array) -> Iterator[str]:
 
 
 def _of_meshes(meshes: Meshes, lower: Array, upper: Array) -> Iterator[str]:
-    """A mesh in other units, or with another axis up, stands beside the groom."""
+    """A mesh in other units, or with another axis up, stands far beside the groom; a floor lies
+    close to it."""
     points = meshes.points()
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
-    if (low > upper).any() or (high < lower).any():
+    gap = float(np.maximum(low - upper, lower - high).max())
+    if gap > FAR_BESIDE * float((upper - lower).max()):
         yield (
             "the meshes and the groom are beside each other: have they other units, or another "
             "axis that is up? Give the mesh a transform"
