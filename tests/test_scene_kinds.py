@@ -95,9 +95,15 @@ def test_scenes_take_what_is_registered(registered, tmp_path):
         (["curves.generator=ladder", "curves.plan_file=no.txt"], "there is no such file"),
         (["environment.kind=lamb"], "allowed are constant, sky, image, lamp; did you mean 'lamp'?"),
         (["environment.kind=lamp", "environment.watt=1"], "did you mean environment.watts?"),
-        (["fibre.model=glas"], "allowed are double-cylinder, glass; did you mean 'glass'?"),
+        (
+            ["fibre.model=glas"],
+            "allowed are double-cylinder, chiang, deon, glass; did you mean 'glass'?",
+        ),
         (["fibre.model=glass", "fibre.eta=0.5"], "fibre.eta = 0.5: expected `float` >= 1.0"),
-        (["fibre.model=glass", "fibre.preset=raccoon"], "model = 'double-cylinder' has it."),
+        (
+            ["fibre.model=glass", "fibre.preset=raccoon"],
+            "model = 'double-cylinder' or 'chiang' or 'deon' has it.",
+        ),
     ],
 )
 def test_they_are_checked_as_strictly(registered, changes, message):
@@ -108,7 +114,9 @@ def test_they_are_checked_as_strictly(registered, changes, message):
 
 
 def test_without_registration_they_are_unknown():
-    with pytest.raises(SceneError, match="'ladder': allowed are file, hair, fur, fibre"):
+    with pytest.raises(
+        SceneError, match="'ladder': allowed are file, interpolate, hair, fur, fibre"
+    ):
         decode_scene({**MINIMAL, "curves": {"generator": "ladder"}})
 
 
@@ -127,7 +135,9 @@ def test_bad_registrations_of_generators():
         kinds.unregister("fur")
 
 
-@pytest.mark.parametrize("curves", [name for name in BUILT_IN if name != "file"])
+@pytest.mark.parametrize(
+    "curves", [name for name in BUILT_IN if name not in ("file", "interpolate")]
+)
 def test_scenes_are_pickled_with_any_groom(curves):
     scene = decode_scene({**MINIMAL, "curves": {"generator": curves}})
     again = pickle.loads(pickle.dumps(scene))

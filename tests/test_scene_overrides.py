@@ -187,7 +187,7 @@ def test_messages_are_sentences(scene_file):
         ("render.sp=3", "unknown key render.sp; did you mean render.spp?"),
         (
             "curves.file=none.hair",
-            "unknown key curves.file with generator = 'fibre'; generator = 'file' has it.",
+            "with generator = 'fibre'; generator = 'file' or 'interpolate' has it.",
         ),
     ],
 )

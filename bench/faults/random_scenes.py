@@ -22,6 +22,7 @@ from msgspec import Meta
 
 from faults.case import Case
 from faults.harness import environment, run
+from furcl.device.layout import LAYERS
 
 N_FULL, N_QUICK = 600, 3
 SLOW_S = 30.0
@@ -94,6 +95,9 @@ def _table(table: type[msgspec.Struct], rng: np.random.Generator) -> dict[str, A
     return found
 
 
+NEED_FILES = ("file", "image", "interpolate")
+
+
 def document(number: int) -> dict[str, Any]:
     """The scene of a number."""
     from furcl.scene.tables import KINDS, Scene
@@ -104,6 +108,13 @@ def document(number: int) -> dict[str, Any]:
     for name in ("camera", "film", "render"):
         found[name] = _table(fields[name], rng)
     found["camera"].pop("target", None)
+    orthographic = found["camera"].get("projection") == "orthographic"
+    found["camera"].pop("vfov_deg" if orthographic else "height", None)
+    # Crops within the picture, and layers of the list, have no range of numbers to draw from.
+    found["film"].pop("crop", None)
+    found["film"].pop("camera", None)
+    layers = rng.choice(LAYERS, 2, replace=False).tolist() if rng.random() < 0.3 else []
+    found["film"]["layers"] = layers
     if rng.random() < 0.3:  # anywhere, or within a few sizes of most grooms
         for key in ("origin", "target"):
             scale = 1e9 if rng.random() < 0.2 else 3.0
@@ -111,7 +122,7 @@ def document(number: int) -> dict[str, Any]:
         for key in ("azimuth_deg", "elevation_deg", "margin"):  # of automatic framing
             found["camera"].pop(key, None)
     for name, kinds in KINDS.items():
-        tables = {k: t for k, t in kinds.tables().items() if k not in ("file", "image")}
+        tables = {k: t for k, t in kinds.tables().items() if k not in NEED_FILES}
         if name in ("fibre", "environment", "curves") or (name == "body" and rng.random() < 0.3):
             found[name] = _table(tables[list(tables)[rng.integers(len(tables))]], rng)
     return found
