@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import pyopencl as cl
 from environments import make_environment
+from light_kernels import launch
 from numpy.typing import NDArray
 
-from furcl.device import layout, program
+from furcl.device import layout
 from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.source import expand
@@ -173,24 +173,13 @@ def _run(device: Device, lights: Lights, kernel: str, inputs, widths):
     features = Features(light=lights.environment_part, lamps=lights.lamps_part, light_sampling=True)
     text = expand("light/lights.clh", features) + KERNELS
     text = layout.declarations(text, features) + text
-    built = cl.Program(device.context, program_text(text)).build(list(program.OPTIONS))
-    flags = cl.mem_flags
     n = len(inputs[-1])
     arrays = [lights.device_buffer(True, MIDDLE)]
     for values in inputs:
         values = np.asarray(values, np.float32)
         rows = np.broadcast_to(values, (n, *values.shape[-1:])) if values.ndim > 1 else values
         arrays.append(np.ascontiguousarray(rows))
-    buffers = [
-        cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=array)
-        for array in arrays
-    ]
-    outputs = [np.zeros((n, width) if width > 1 else n, np.float32) for width in widths]
-    results = [cl.Buffer(device.context, flags.WRITE_ONLY, array.nbytes) for array in outputs]
-    getattr(built, kernel)(device.queue, (n,), None, *buffers, *results)
-    for array, buffer in zip(outputs, results, strict=True):
-        cl.enqueue_copy(device.queue, array, buffer)
-    return outputs
+    return launch(device, program_text(text), kernel, arrays, n, widths)
 
 
 def program_text(text: str) -> str:

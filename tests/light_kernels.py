@@ -64,14 +64,19 @@ def _run(device: Device, light: Light, kernel: str, inputs, widths, light_sampli
     features = Features(light=part, light_sampling=light_sampling)
     text = expand(str(part.header), features) + LOOKUP + (SAMPLE if light_sampling else "")
     text = layout.declarations(text, features) + text
-    built = cl.Program(device.context, text).build(list(program.OPTIONS))
-    flags = cl.mem_flags
     n = len(inputs[-1])
     points = np.broadcast_to(inputs[0], (n, 3))
     arrays = [
         light.device_buffer(light_sampling),
         *(np.ascontiguousarray(array, np.float32) for array in (points, inputs[1])),
     ]
+    return launch(device, text, kernel, arrays, n, widths)
+
+
+def launch(device: Device, text: str, kernel: str, arrays, n: int, widths):
+    """Outputs (n, width) or (n,) of a kernel over n items, which reads arrays in front of them."""
+    built = cl.Program(device.context, text).build(list(program.OPTIONS))
+    flags = cl.mem_flags
     buffers = [
         cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=array)
         for array in arrays

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from numbers import Real
 from typing import cast
 
@@ -10,6 +10,24 @@ from furcl.errors import FibreError
 
 Range = tuple[float, float]
 Triple = tuple[float, float, float]
+
+
+def check_parameters(
+    fibre: object,
+    ranges: Mapping[str, Range],
+    triples: Collection[str],
+    units: Mapping[str, str] | None = None,
+) -> None:
+    """Put the parameters of a frozen dataclass in order: numbers as floats, triples as tuples.
+
+    Raises
+    ------
+    FibreError      as `number`
+    """
+    for name, allowed in ranges.items():
+        check = triple if name in triples else number
+        value = check(name, getattr(fibre, name), allowed, (units or {}).get(name, ""))
+        object.__setattr__(fibre, name, value)
 
 
 def number(name: str, value: object, allowed: Range, unit: str = "") -> float:

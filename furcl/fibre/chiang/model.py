@@ -10,9 +10,10 @@ import numpy as np
 
 from furcl.fibre.chiang.parameters import RANGES, ChiangFibre, sigma_a_from_colour
 from furcl.fibre.cylinder.model import CylinderFeatures, CylinderModel, lobes_of
-from furcl.fibre.cylinder.presets import PIGMENTS, absorption
+from furcl.fibre.cylinder.presets import PIGMENTS
 from furcl.fibre.cylinder.table import CylinderTable
 from furcl.fibre.pigment import COLOUR_RANGE, albedo_polynomial
+from furcl.fibre.ranges import Triple
 
 
 class ChiangTable(CylinderTable, frozen=True, kw_only=True, tag="chiang"):
@@ -33,20 +34,8 @@ class ChiangTable(CylinderTable, frozen=True, kw_only=True, tag="chiang"):
     beta_m: float | None = None
     beta_n: float | None = None
 
-    def build(self) -> ChiangFibre:
-        """The fibre that the table describes.
-
-        Raises
-        ------
-        FibreError      unknown preset, or a value outside its range
-        """
-        given = self.changes()
-        if self.preset is not None:
-            given = {"sigma_a": absorption(self.preset), **given}
-        fibre = ChiangFibre(**given)
-        if self.colour is None:
-            return fibre
-        return ChiangFibre(**{**given, "sigma_a": sigma_a_from_colour(self.colour, fibre.beta_n)})
+    def sigma_of(self, colour: Triple, fibre: ChiangFibre) -> Triple:
+        return sigma_a_from_colour(colour, fibre.beta_n)
 
 
 class Chiang(CylinderModel):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from furcl.fibre.pigment import albedo_polynomial, check_colour
-from furcl.fibre.ranges import Range, Triple, number, triple
+from furcl.fibre.ranges import Range, Triple, check_parameters
 
 RANGES: dict[str, Range] = {
     "eta": (1.0001, 3.0),
@@ -47,9 +47,7 @@ class ChiangFibre:
     sigma_a: Triple = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name, allowed in RANGES.items():
-            check = triple if name == "sigma_a" else number
-            object.__setattr__(self, name, check(name, getattr(self, name), allowed))
+        check_parameters(self, RANGES, ("sigma_a",))
 
     @property
     def tilt(self) -> float:

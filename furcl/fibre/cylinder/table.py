@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from dataclasses import replace
 from typing import Annotated, Any
 
 from msgspec import Meta
 
+from furcl.fibre.cylinder.presets import absorption as absorption_of
 from furcl.fibre.melanin import Melanin
 from furcl.fibre.model import ModelTable
 from furcl.fibre.pigment import sigma_ca_from_melanin
-from furcl.table import Rgb
+from furcl.table import Rgb, Triple
 
 _COLOURS = ("sigma_a", "colour", "melanin")
 
@@ -43,9 +46,13 @@ class CylinderTable(ModelTable, frozen=True, kw_only=True, tag_field="model"):
                 "absorption"
             )
 
-    def changes(self) -> dict[str, Any]:
-        """The parameters that the table gives, absorption from pigments too; of a colour they
-        depend on others."""
+    def build(self) -> Any:
+        """The fibre that the table describes, of the class `described_by`.
+
+        Raises
+        ------
+        FibreError      unknown preset, or a value outside its range
+        """
         given = {
             name: getattr(self, name)
             for name in self.__struct_fields__
@@ -55,4 +62,19 @@ class CylinderTable(ModelTable, frozen=True, kw_only=True, tag_field="model"):
         if self.melanin is not None:
             pigments = self.melanin.eumelanin, self.melanin.pheomelanin
             given["sigma_a"] = sigma_ca_from_melanin(*pigments)
-        return given
+        if self.preset is not None:
+            given = {"sigma_a": absorption_of(self.preset), **given}
+        assert self.described_by is not None
+        fibre = self.described_by(**given)
+        if self.colour is None:
+            return fibre
+        return replace(fibre, sigma_a=self.sigma_of(self.colour, fibre))
+
+    @abstractmethod
+    def sigma_of(self, colour: Triple, fibre: Any) -> Triple:
+        """Absorption of the fibre for which a thick groom takes about a colour, linear.
+
+        Raises
+        ------
+        FibreError      a channel outside its range
+        """

@@ -9,10 +9,11 @@ import numpy as np
 from msgspec import Meta
 
 from furcl.fibre.cylinder.model import RESIDUAL, CylinderFeatures, CylinderModel, lobes_of
-from furcl.fibre.cylinder.presets import PIGMENTS, absorption
+from furcl.fibre.cylinder.presets import PIGMENTS
 from furcl.fibre.cylinder.table import CylinderTable
 from furcl.fibre.deon.parameters import ORDERS, RANGES, DEonFibre
 from furcl.fibre.pigment import COLOUR_RANGE, sigma_ca_from_colour, sigma_ca_from_colours
+from furcl.fibre.ranges import Triple
 
 
 class DEonTable(CylinderTable, frozen=True, kw_only=True, tag="deon"):
@@ -35,21 +36,8 @@ class DEonTable(CylinderTable, frozen=True, kw_only=True, tag="deon"):
     orders: Annotated[int, Meta(ge=ORDERS[0], le=ORDERS[1])] = 3
     cone: bool = False
 
-    def build(self) -> DEonFibre:
-        """The fibre that the table describes.
-
-        Raises
-        ------
-        FibreError      unknown preset, or a value outside its range
-        """
-        given = self.changes()
-        if self.preset is not None:
-            given = {"sigma_a": absorption(self.preset), **given}
-        fibre = DEonFibre(**given)
-        if self.colour is None:
-            return fibre
-        sigma_a = sigma_ca_from_colour(self.colour, fibre.beta_n_deg)
-        return DEonFibre(**{**given, "sigma_a": sigma_a})
+    def sigma_of(self, colour: Triple, fibre: DEonFibre) -> Triple:
+        return sigma_ca_from_colour(colour, fibre.beta_n_deg)
 
 
 class DEon(CylinderModel):

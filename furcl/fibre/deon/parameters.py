@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from furcl.errors import FibreError
 from furcl.fibre.pigment import BETA_RANGE_DEG
-from furcl.fibre.ranges import Range, Triple, number, triple
+from furcl.fibre.ranges import Range, Triple, check_parameters
 
 RANGES: dict[str, Range] = {
     "eta": (1.0001, 3.0),
@@ -53,9 +53,7 @@ class DEonFibre:
     cone: bool = False
 
     def __post_init__(self) -> None:
-        for name, allowed in RANGES.items():
-            check = triple if name == "sigma_a" else number
-            object.__setattr__(self, name, check(name, getattr(self, name), allowed))
+        check_parameters(self, RANGES, ("sigma_a",))
         low, high = ORDERS
         whole = isinstance(self.orders, int) and not isinstance(self.orders, bool)
         if not whole or not low <= self.orders <= high:

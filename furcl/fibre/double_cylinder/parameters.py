@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from furcl.errors import FibreError
 from furcl.fibre.pigment import BETA_RANGE_DEG, sigma_ca_from_melanin
-from furcl.fibre.ranges import Triple, number, triple
+from furcl.fibre.ranges import Triple, check_parameters
 
 RANGES: dict[str, tuple[float, float]] = {
     "eta": (1.0001, 3.0),
@@ -69,10 +69,7 @@ class Fibre:
     provenance: str = dataclasses.field(default="given by the user", compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name in RANGES:
-            check = triple if name in _COLOURS else number
-            value = check(name, getattr(self, name), RANGES[name], _UNITS[name])
-            object.__setattr__(self, name, value)
+        check_parameters(self, RANGES, _COLOURS, _UNITS)
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> "Fibre":
