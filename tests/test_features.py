@@ -76,6 +76,7 @@ VALUES = {
     "transparent": (False, True),
     "variance": (False, True),
     "planned": (False, True),
+    "held": (False, True),
     "statistics": (False, True),
     "debug": (False,),
 }

@@ -5,6 +5,7 @@
    over     the wave's paths, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_closest */
 #include "camera/camera.clh"
+#include "core/path_numbers.clh"
 #include "core/queue_lanes.clh"
 
 __kernel void generate(
@@ -30,7 +31,7 @@ __kernel void generate(
             set_uint_lane(&pixel, k, of_lane[k].index);
             set_uint_lane(&sample, k, of_lane[k].sample);
         }
-        const Lanes4 xi = uniform_lanes(wave.seed, pixel, sample, DIM_FILM);
+        const Lanes4 xi = path_number_lanes(&wave, pixel, sample, DIM_FILM);
         const uint n = lanes_in_queue(first, wave.n_paths);
         for (uint k = 0; k < n; k++) {
             const uint slot = queue_entry(first + k);
