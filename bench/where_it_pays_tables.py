@@ -25,8 +25,9 @@ MEASURES = {"path_rmse": "paths", "rmse": "whole picture"}
 SAMPLED = {"bcsdf": "no light samples", "mis": "light samples"}
 # Ratios from half to double have colours of their own.
 RANGE = math.log(2.0)
-# An interval as wide as this says nothing of a cell.
-UNKNOWN = math.log(1.5)
+# An interval wider than from 1/1.5 to 1.5 times its middle says nothing of a cell, nor do pictures
+# that lack more than this share of the radiance which light samples find: no path met the sun.
+UNKNOWN, LACKING = math.log(1.5), 0.1
 
 
 def lights(cells: Iterable[Cell]) -> list[tuple[str, float]]:
@@ -39,9 +40,12 @@ def light_name(light: tuple[str, float]) -> str:
     return light[0] if light[0] == "even" else f"{light[0]}, {light[1]:g}°"
 
 
-def verdict(found: dict[str, Any]) -> str:
+def verdict(cell: Cell, measure: str, kind: str) -> str:
     """Whether an interval is below 1 ("better"), above ("worse"), around 1 or says nothing."""
+    found = cell[kind][measure]
     if found["mean"] is None or math.log(found["high"] / found["low"]) > 2.0 * UNKNOWN:
+        return "unknown"
+    if min(cell[kind]["radiance"]) < (1.0 - LACKING) * max(cell["mis"]["radiance"]):
         return "unknown"
     if found["high"] < 1.0:
         return "better"
@@ -81,7 +85,7 @@ def _panel(axes: Axes, cells: list[Cell], measure: str, kind: str, norm: TwoSlop
     for cell in cells:
         y, x = STRANDS.index(cell["strands"]), ABSORPTIONS.index(cell["sigma_ca"])
         found = cell[kind][measure]
-        said = verdict(found)
+        said = verdict(cell, measure, kind)
         if said != "unknown":
             values[y, x] = math.log(found["mean"])
         text = "?" if said == "unknown" else f"{found['mean']:.2f}".removeprefix("0")
@@ -102,13 +106,16 @@ def counts(results: Results) -> str:
         own = [c for c in cells if (c["light"], c["angle_deg"]) == light]
         line = [light_name(light), f"{len(own)}"]
         for kind in LIGHT_SAMPLING:
-            found = [c[kind]["path_rmse"] for c in own]
-            said = [verdict(f) for f in found]
-            known = [f["mean"] for f, s in zip(found, said, strict=True) if s != "unknown"]
+            said = [verdict(c, "path_rmse", kind) for c in own]
+            sure = [
+                c[kind]["path_rmse"]["mean"]
+                for c, s in zip(own, said, strict=True)
+                if s != "unknown"
+            ]
             line.append(
                 " / ".join(str(said.count(w)) for w in ("better", "same", "worse", "unknown"))
             )
-            line.append(f"{min(known):.2f} to {max(known):.2f}" if known else "-")
+            line.append(f"{min(sure):.2f} to {max(sure):.2f}" if sure else "-")
         lines.append(line)
     heads = [head for kind in LIGHT_SAMPLING for head in (SAMPLED[kind], "ratios")]
     return table(["light", "cells", *heads], lines)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -217,7 +217,6 @@ def run(
     samples: int = 8,
     seed: int = 1,
     overrides: Iterable[str] = (),
-    progress: Callable[[int, int], object] = lambda done, total: None,
 ) -> dict[str, Any]:
     """Take the variance of scenes apart, for each of several variants of them.
 
@@ -247,7 +246,7 @@ def run(
         raise BenchError(f"variants {', '.join(names)}: a name is there twice; give each its own")
     opened = device if isinstance(device, Device) else open_device(device)
     loaded = [load_scene(path, overrides=list(overrides), size=size) for path in scenes]
-    rows, total = [], len(loaded) * len(variants)
+    rows = []
     for scene in loaded:
         found_of: list[dict[str, Any]] = []
         first: dict[str, Array] = {}
@@ -264,7 +263,6 @@ def run(
             }
             found_of.append({**variant.as_dict(), **found, **ratios})
             write_maps(maps, Path(out) / maps_of(scene.name, variant.name))
-            progress(len(rows) * len(variants) + len(found_of), total)
         size_of = [scene.film.window.width, scene.film.window.height]
         rows.append({"name": scene.name, "size": size_of, "variants": found_of})
     numbers = {"bounces": bounces, "groups": groups, "samples": samples, "seed": seed}
@@ -275,7 +273,7 @@ def run(
 
 def maps_of(scene: str, variant: str) -> Path:
     """The file of a variant's maps, in the folder of the results."""
-    return Path("maps") / f"{file_name(f'{scene} {variant}')}.npz"
+    return Path("maps") / f"{file_name(f'{scene}-{variant}')}.npz"
 
 
 def write_maps(maps: dict[str, Array], path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from furcl.cli.console import print_table, progress_report
+from furcl.cli.console import print_table
 from furcl.cli.options import (
     SAMPLER_FILE,
     SEED,
@@ -55,20 +55,18 @@ def variance(
     named = [*(sampling.split(",") if sampling else ()), *own]
     variants = [Variant.parse(text) for text in variant or ()]
     variants += [Variant.of_sampler(name) for name in named]
-    with progress_report() as report:
-        results = bench.run(
-            scenes,
-            out,
-            variants=variants,
-            device=device,
-            size=size,
-            bounces=bounces,
-            groups=groups,
-            samples=samples,
-            seed=seed,
-            overrides=overrides or (),
-            progress=report,
-        )
+    results = bench.run(
+        scenes,
+        out,
+        variants=variants,
+        device=device,
+        size=size,
+        bounces=bounces,
+        groups=groups,
+        samples=samples,
+        seed=seed,
+        overrides=overrides or (),
+    )
     columns = ["numbers", "bounce", "variance", "share", "alone"]
     for scene in results["scenes"]:
         for found in scene["variants"]:

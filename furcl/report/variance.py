@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.colors import LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from furcl.bench.variance import maps_of
@@ -71,7 +72,7 @@ def maps(title: str, parts: Mapping[str, NDArray[np.floating]]) -> Figure:
     largest = max(float(np.quantile(part, 0.995)) for part in parts.values()) or 1.0
     norm = LogNorm(largest * 10.0**-DECADES, largest, clip=True)
     rows = -(-len(parts) // COLUMNS)
-    figure = Figure(figsize=(2.5 * COLUMNS, 2.5 * rows + 0.5), layout="constrained")
+    figure = Figure(figsize=(2.2 * COLUMNS + 1.0, 2.35 * rows + 0.4), layout="constrained")
     panels = np.ravel(figure.subplots(rows, COLUMNS, squeeze=False))
     shown = None
     for axes, (name, part) in zip(panels, parts.items(), strict=False):
@@ -82,7 +83,8 @@ def maps(title: str, parts: Mapping[str, NDArray[np.floating]]) -> Figure:
     for axes in panels:
         axes.set_axis_off()
     if shown is not None:
-        figure.colorbar(shown, ax=list(panels), shrink=0.8, label="variance of a sample")
+        bar = figure.colorbar(shown, ax=list(panels), shrink=0.8, label="variance of a sample")
+        bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
     figure.suptitle(title, fontsize=10, x=0.01, ha="left")
     return figure
 
