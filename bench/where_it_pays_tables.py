@@ -20,14 +20,20 @@ from where_it_pays import ABSORPTIONS, LIGHT_SAMPLING, STRANDS, Cell
 from furcl.report.convergence_plots import save
 
 RESULTS = "where_it_pays/results.json"
+PARTS_RESULTS = "variance/results.json"
+EVEN_RESULTS = "even_light/results.json"
+# Of the table of black hair: its absorption, and the suns shown.
+BLACK, SHOWN_SUNS = 4.1, (60.0, 10.0)
+PARTS = ("camera", "h", "lobe", "direction", "light", "roulette", "later")
 FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "where_it_pays.png"
 MEASURES = {"path_rmse": "paths", "rmse": "whole picture"}
 SAMPLED = {"bcsdf": "no light samples", "mis": "light samples"}
 # Ratios from half to double have colours of their own.
 RANGE = math.log(2.0)
 # An interval wider than from 1/1.5 to 1.5 times its middle says nothing of a cell, nor do pictures
-# that lack more than this share of the radiance which light samples find: no path met the sun.
-UNKNOWN, LACKING = math.log(1.5), 0.1
+# whose radiance is farther than this share from the one that light samples find: paths met the sun
+# too rarely.
+UNKNOWN, FAR = math.log(1.5), 0.1
 
 
 def lights(cells: Iterable[Cell]) -> list[tuple[str, float]]:
@@ -45,7 +51,8 @@ def verdict(cell: Cell, measure: str, kind: str) -> str:
     found = cell[kind][measure]
     if found["mean"] is None or math.log(found["high"] / found["low"]) > 2.0 * UNKNOWN:
         return "unknown"
-    if min(cell[kind]["radiance"]) < (1.0 - LACKING) * max(cell["mis"]["radiance"]):
+    light = np.mean(cell["mis"]["radiance"])
+    if np.abs(np.array(cell[kind]["radiance"]) / light - 1.0).max() > FAR:
         return "unknown"
     if found["high"] < 1.0:
         return "better"
@@ -121,13 +128,77 @@ def counts(results: Results) -> str:
     return table(["light", "cells", *heads], lines)
 
 
-def _made(make: Callable[[Results], str]) -> Callable[[], str]:
-    return lambda: make(load(RESULTS))
+def black(results: Results) -> str:
+    """Black hair in the lights of all densities: ratios of paths, and hits of a path."""
+    cells = [cell for cell in results["cells"] if cell["sigma_ca"] == BLACK]
+    columns = [light for light in lights(cells) if light[1] in (0.0, *SHOWN_SUNS)]
+    lines = []
+    for n in STRANDS:
+        own = {(c["light"], c["angle_deg"]): c for c in cells if c["strands"] == n}
+        for kind in LIGHT_SAMPLING:
+            hits = [rays - 1.0 for rays in own["even", 0.0]["bcsdf"]["rays_per_path"]]
+            line = [f"{n:,}", SAMPLED[kind], f"{hits[0]:.2f}, {hits[1] / hits[0]:.2f}"]
+            line += [_shown(own.get(light), "path_rmse", kind) for light in columns]
+            line.append(_shown(own["even", 0.0], "rmse", kind))
+            lines.append(line)
+    heads = ["strands", "", "hits, ratio", *map(light_name, columns), "even, whole"]
+    return table(heads, lines)
+
+
+def _shown(cell: Cell | None, measure: str, kind: str) -> str:
+    """A ratio with its interval, bold where that is all on one side of 1."""
+    if cell is None:
+        return ""
+    said, found = verdict(cell, measure, kind), cell[kind][measure]
+    if said == "unknown":
+        return "?"
+    text = f"{found['mean']:.2f} [{found['low']:.2f}, {found['high']:.2f}]"
+    return text if said == "same" else f"**{text}**"
+
+
+def parts(results: Results) -> str:
+    """Variance of scenes by the numbers that cause it, in percent of each variant's own."""
+    lines = []
+    for scene in results["scenes"]:
+        for found in scene["variants"]:
+            share: dict[str, float] = dict.fromkeys(PARTS, 0.0)
+            for part in found["parts"]:
+                first = part["bounce"] in (None, 0)
+                share[part["kind"] if first else "later"] += part["share"]
+            line = [scene["name"], found["name"], f"{found['variance']['mean']:.3g}"]
+            line += [f"{100 * max(share[name], 0.0):.0f}" for name in PARTS]
+            lines.append([*line, _ratio(found["path_rmse"]), _ratio(found["rmse"])])
+    heads = ["scene", "variant", "variance", *(f"{name}, %" for name in PARTS)]
+    return table([*heads, "RMSE of paths", "whole RMSE"], lines)
+
+
+def _ratio(found: dict[str, Any]) -> str:
+    return f"{found['mean']:.2f} [{found['low']:.2f}, {found['high']:.2f}]"
+
+
+def scene_even(results: Results) -> str:
+    """Ratios of scenes/black_hair_even.toml at every number of samples, and their rays."""
+    [scene] = results["scenes"]
+    [found] = scene["comparisons"]
+    lines = []
+    for same, equal in zip(found["same_spp"], found["equal_time"], strict=True):
+        rows = (same["rmse_ratio"], equal["rmse_ratio"], same["efficiency_rays"])
+        lines.append([f"{same['spp']}", *map(_ratio, rows)])
+    return table(["spp", "equal spp", "equal time", "efficiency by rays"], lines)
+
+
+def _made(make: Callable[[Results], str], name: str = RESULTS) -> Callable[[], str]:
+    return lambda: make(load(name))
 
 
 TABLES = {
     "pays-circumstances": _made(lambda results: circumstances(results)),
     "pays-counts": _made(counts),
+    "pays-black": _made(black),
+    "parts-circumstances": _made(lambda results: circumstances(results), PARTS_RESULTS),
+    "parts": _made(parts, PARTS_RESULTS),
+    "even-circumstances": _made(lambda results: circumstances(results), EVEN_RESULTS),
+    "even": _made(scene_even, EVEN_RESULTS),
 }
 
 

@@ -121,7 +121,9 @@ def part_of_lamps():
 def glowing_ball(folder):
     """Inside a ball that glows and reflects alike everywhere paths differ by their lengths only."""
     file = Path(folder) / "inside.obj"
-    file.write_text(obj_text(sphere(6, 2.0).corners[:, ::-1]))
+    # Fronts inside: a triangle far away keeps the mesh from being closed, and so from being turned.
+    ball, stray = sphere(6, 2.0).corners[:, ::-1], np.eye(3)[None] + 900.0
+    file.write_text(obj_text(np.concatenate([ball, stray])))
     return document(
         camera={"origin": [0, -0.5, 0], "target": [0, 0, 0], "vfov_deg": 30},
         environment={"kind": "constant", "radiance": 1e-7},
