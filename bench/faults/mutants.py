@@ -1,7 +1,8 @@
 """Damaged files by the thousand: every reader ends in its own error, and in little memory.
 
-`bash bench/faults.sh mutants` reads a million; FURCL_MUTANTS=0.1 a tenth of them.
-`python -m faults.mutants KIND N SEED FOLDER` reads N of a kind and prints how many were refused.
+`bash bench/faults.sh mutants` reads a million; FURCL_MUTANTS=0.1 the first tenth of them, 0.1:0.2
+the second. `python -m faults.mutants KIND FIRST END SEED FOLDER` reads numbers FIRST to END - 1 of
+a kind and prints how many were refused.
 """
 
 from __future__ import annotations
@@ -33,11 +34,19 @@ from furcl.errors import (
 
 QUICK = 60
 PEAK_BYTES = 512 << 20
-SHARE = float(os.environ.get("FURCL_MUTANTS", "1"))
 FOLDER = Path(tempfile.gettempdir())
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 WORDS = (0, 1, 2, 127, 255, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1)
 LETTERS = b"[]{}()=\"'.,#\\\n0123456789eE+-_ax\x00\xff"
+
+
+def part(text: str) -> tuple[float, float]:
+    """The shares at which a part of all begins and ends: "0.1:0.2"; "0.1" is the first tenth."""
+    first, _, end = text.rpartition(":")
+    return float(first or 0), float(end)
+
+
+PART = part(os.environ.get("FURCL_MUTANTS", "1"))
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
@@ -259,8 +268,8 @@ FULL |= {"toml": 120_000, "compare": 70_000, "override": 70_000, "results": 60_0
 FULL |= {"sampler": 70_000, "cache": 100_000}
 
 
-def read_mutants(kind: str, n: int, seed: int, folder: Path) -> int:
-    """Read so many; returns how many were refused.
+def read_mutants(kind: str, first: int, end: int, seed: int, folder: Path) -> int:
+    """Read numbers `first` to `end` - 1 of a seed; returns how many were refused.
 
     Raises
     ------
@@ -269,7 +278,7 @@ def read_mutants(kind: str, n: int, seed: int, folder: Path) -> int:
     make, suffix, read, error = KINDS[kind]
     n_refused = 0
     path = folder / ("results.json" if kind == "results" else f"mutant{suffix}")
-    for index in range(n):
+    for index in range(first, end):
         path.write_bytes(make(np.random.default_rng([seed, index])))
         try:
             read(path)
@@ -285,25 +294,26 @@ def read_mutants(kind: str, n: int, seed: int, folder: Path) -> int:
 def main() -> int:
     """Read those of a kind; 1 where one goes wrong."""
     global FOLDER
-    kind, n, seed, FOLDER = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4])
+    kind, (first, end, seed), FOLDER = sys.argv[1], map(int, sys.argv[2:5]), Path(sys.argv[5])
     logging.disable()
     try:
-        n_refused = read_mutants(kind, n, seed, FOLDER)
+        n_refused = read_mutants(kind, first, end, seed, FOLDER)
     except AssertionError as error:
         print(error)
         return 1
-    print(f"{n} files, {n_refused} refused")
+    print(f"{end - first} files, {n_refused} refused")
     return 0
 
 
 def _case(kind: str, folder: Path, quick: bool) -> str:
     """Nothing but the last line is written, and no more memory taken than a process takes."""
-    n = QUICK if quick else int(FULL[kind] * SHARE)
+    first, end = (0, QUICK) if quick else (round(FULL[kind] * share) for share in PART)
     if kind.startswith("exr") and quick:
-        n //= 4
+        end //= 4
     # numpy warns of headers that Python 2 may have written, which some damage looks like.
     quiet = ["-W", "ignore:Reading:UserWarning"]
-    module = [sys.executable, "-P", *quiet, "-m", "faults.mutants", kind, str(n), "1", str(folder)]
+    numbers = [str(first), str(end), "1"]
+    module = [sys.executable, "-P", *quiet, "-m", "faults.mutants", kind, *numbers, str(folder)]
     ended = run(module, environment())
     said = ended.out.strip().splitlines() or ["nothing"]
     assert ended.code == 0, f"code {ended.code}: {said[-1]} {ended.err.strip()[-200:]}"

@@ -13,8 +13,9 @@ import pyopencl as cl
 
 from furcl.device import crashes
 from furcl.device import verdict as _verdict
-from furcl.device.absence import POCL, pocl_cache_problem
+from furcl.device.absence import pocl_cache_problem
 from furcl.device.forks import check_process, mark_used
+from furcl.device.runtime_caches import POCL, cache_of
 from furcl.errors import DeviceError, NoDeviceError
 from furcl.memory import little_address_space
 from furcl.values import shown
@@ -88,7 +89,12 @@ class Candidate:
         identity = f"{self.description}\n{self.runtime_version}\npyopencl {cl.VERSION_TEXT}"
         found = _verdict.of(self.address, identity, fresh=fresh)
         problem = None if found.passed or self.runtime != POCL else pocl_cache_problem()
-        return dataclasses.replace(found, reason=": ".join(problem)) if problem else found
+        if problem:
+            return dataclasses.replace(found, reason=": ".join(problem))
+        cache = cache_of(self.runtime)
+        if found.runtime_failed and cache:
+            return dataclasses.replace(found, reason=f"{found.reason}; {cache.advice}")
+        return found
 
     def rank(self) -> tuple[int, list[int], int]:
         """Sort key of RULE: smaller is better."""
@@ -157,7 +163,7 @@ def open_cl_device(device: cl.Device) -> Device:
     check_process()
     mark_used()
     context = cl.Context([device])
-    crashes.renew()
+    crashes.renew(device.platform.name.strip())
     queue = cl.CommandQueue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
     return Device(
         context=context,

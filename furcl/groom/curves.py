@@ -12,6 +12,7 @@ from furcl.errors import GroomError
 from furcl.groom.attributes import Attributes, checked_values, kept_values
 from furcl.groom.close_points import squared_lengths, without_short_segments
 from furcl.groom.copies import copied_strands
+from furcl.groom.units import NO_UNITS, Units
 
 MAX_POINTS = 2**31 - 1
 # Squares of coordinates and radii within these limits stay normal float32 numbers.
@@ -42,6 +43,7 @@ class Curves:
     attributes : mapping         name -> float32: (N,) or (N, 3) values of points, or (S,) or (S, 3)
                                  values of strands
     ignored : tuple of str       names of arrays of its file that are no attributes
+    units : Units                what its file says of units and axes
     """
 
     points: NDArray[np.float32]
@@ -50,11 +52,13 @@ class Curves:
     dropped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     attributes: Attributes = field(default_factory=lambda: MappingProxyType({}))
     ignored: tuple[str, ...] = ()
+    units: Units = NO_UNITS
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy, which take neither a proxy of a mapping nor the flags of arrays."""
         arrays = (self.points, self.radii, self.offsets)
-        return _frozen, (*arrays, dict(self.attributes), dict(self.dropped), self.ignored)
+        named = (dict(self.attributes), dict(self.dropped), self.ignored, self.units)
+        return _frozen, (*arrays, *named)
 
     def __repr__(self) -> str:
         named = f", with {', '.join(self.attributes)}" if self.attributes else ""
@@ -137,6 +141,7 @@ class Curves:
                 kept_values(self.attributes, self.offsets, thinned.kept),
                 dropped,
                 self.ignored,
+                self.units,
             )
         copies = copied_strands(traced.points, traced.radii, traced.offsets)
         if not len(copies):
@@ -158,6 +163,7 @@ class Curves:
             kept_values(self.attributes, self.offsets, points),
             {**self.dropped, reason: self.dropped.get(reason, 0) + n_gone},
             self.ignored,
+            self.units,
         )
 
     @staticmethod
@@ -246,6 +252,7 @@ def adopted(
     dropped: Mapping[str, int] | None = None,
     attributes: Mapping[str, ArrayLike] | None = None,
     ignored: Sequence[str] = (),
+    units: Units = NO_UNITS,
 ) -> Curves:
     """As `Curves.from_arrays`, of arrays that nobody else keeps: what fits is not copied.
 
@@ -262,15 +269,23 @@ def adopted(
     points, radii, offsets, values, cleaned = _clean(points, radii, offsets, values, source)
     found = {**(dropped or {}), **cleaned}
     found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
-    return _frozen(points, radii, offsets, values, found, tuple(ignored))
+    return _frozen(points, radii, offsets, values, found, tuple(ignored), units)
 
 
-def _frozen(points, radii, offsets, attributes, dropped, ignored=()) -> Curves:
+def _frozen(
+    points,
+    radii,
+    offsets,
+    attributes,
+    dropped,
+    ignored=(),
+    units=NO_UNITS,
+) -> Curves:
     for array in (points, radii, offsets, *attributes.values()):
         array.flags.writeable = False
     counts = {name: count for name, count in dropped.items() if count > 0}
     values = MappingProxyType(dict(attributes))
-    return Curves(points, radii, offsets, MappingProxyType(counts), values, ignored)
+    return Curves(points, radii, offsets, MappingProxyType(counts), values, ignored, units)
 
 
 def _shaped(points, radii, offsets, source):
