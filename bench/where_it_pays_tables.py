@@ -33,7 +33,7 @@ RANGE = math.log(2.0)
 # An interval wider than from 1/1.5 to 1.5 times its middle says nothing of a cell, nor do pictures
 # whose radiance is farther than this share from the one that light samples find: paths met the sun
 # too rarely.
-UNKNOWN, FAR = math.log(1.5), 0.1
+UNKNOWN, FAR = math.log(1.5), 0.07
 
 
 def lights(cells: Iterable[Cell]) -> list[tuple[str, float]]:
@@ -97,7 +97,9 @@ def _panel(axes: Axes, cells: list[Cell], measure: str, kind: str, norm: TwoSlop
             values[y, x] = math.log(found["mean"])
         text = "?" if said == "unknown" else f"{found['mean']:.2f}".removeprefix("0")
         weight = "bold" if said in ("better", "worse") else "normal"
-        axes.text(x, y, text, ha="center", va="center", fontsize=6, fontweight=weight)
+        dark = said != "unknown" and abs(math.log(found["mean"])) > 0.7 * RANGE
+        colour = "white" if dark else "black"
+        axes.text(x, y, text, ha="center", va="center", size=6, weight=weight, color=colour)
     shown = axes.imshow(values, norm=norm, cmap="RdBu_r", origin="lower", aspect="auto")
     axes.set_facecolor("#eeeeee")
     axes.set_xticks(range(len(ABSORPTIONS)), [f"{a:g}" for a in ABSORPTIONS], fontsize=6)
