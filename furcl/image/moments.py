@@ -21,9 +21,9 @@ OF_HITS = ("Z", "P", "N")
 class Moments:
     """Number, mean and sum of squared deviations of the samples of every pixel, in float64.
 
-    Two of them are merged by the update of Chan, Golub and LeVeque (1979), whose relative error is
+    Two of them are merged by the update of Chan et al. (1979), whose relative error is
     a few roundings of float64; the means of a picture are float32, so a merged mean is right to
-    2^-24 of the largest mean of its parts (tests/test_moments.py). Merging does not depend on the
+    2^-24 of the largest mean of its parts (tests/test_merge.py). Merging does not depend on the
     order of the two to more than a rounding; `MergeTree` fixes the order, and with it all bits.
 
     Attributes
