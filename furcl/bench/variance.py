@@ -161,10 +161,7 @@ def measure(
     kinds = list(
         dict.fromkeys(k for b in range(scene.render.max_depth) for k in played(renderer, b))
     )
-    alone = [
-        _part(name, None, found_left(all_but(kind)).groups, total)
-        for name, kind in ((CAMERA, None), *((k, k) for k in kinds))
-    ]
+    alone = [_part(kind or CAMERA, None, found_left(all_but(kind)).groups, total) for kind in kinds]
     found = {
         "variance": mean_interval(whole.groups).as_dict(),
         "parts": parts,

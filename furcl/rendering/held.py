@@ -62,5 +62,5 @@ class Held:
 
 def all_but(kind: Kind | None) -> Held:
     """Everything held but one kind at all bounces, or but the camera's numbers (None)."""
-    kinds = [k for k in KINDS if k != kind]
+    kinds: list[Kind] = [k for k in KINDS if k != kind]
     return Held(camera=kind is not None, at=kinds, after=kinds)
