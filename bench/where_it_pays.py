@@ -108,7 +108,9 @@ def measured(
     return within, np.array(means), renderer.rays / renderer.paths_done
 
 
-def log_ratios(within: list[Array], means: list[Array], keep: Array) -> tuple[float, float]:
+def log_ratios(
+    within: list[Array], means: list[Array], keep: NDArray[np.intp]
+) -> tuple[float, float]:
     """Logarithms of the ratio of RMSE, second over first: of paths, and whole, of some groups.
 
     What the camera's numbers decide is the same for both: the mean of two estimates by analysis of
@@ -137,8 +139,8 @@ def compared(within: list[Array], means: list[Array]) -> dict[str, Any]:
     found = {}
     for name, values in zip(("path_rmse", "rmse"), (n * whole - (n - 1) * without).T, strict=True):
         e = mean_interval(values)
-        ends = (float(np.exp(x)) for x in (e.mean, e.low, e.high))
-        found[name] = Estimate(*ends, n).as_dict()
+        mean, low, high = (float(np.exp(x)) for x in (e.mean, e.low, e.high))
+        found[name] = Estimate(mean, low, high, n).as_dict()
     return found
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from tables import FOLDER, Results, circumstances, load, table
@@ -29,7 +30,7 @@ FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "where_it_pays.png"
 MEASURES = {"path_rmse": "paths", "rmse": "whole picture"}
 SAMPLED = {"bcsdf": "no light samples", "mis": "light samples"}
 # Ratios from half to double have colours of their own.
-RANGE = math.log(2.0)
+RANGE, COLOURS = math.log(2.0), "RdBu_r"
 # An interval wider than from 1/1.5 to 1.5 times its middle says nothing of a cell, nor do pictures
 # whose radiance is farther than this share from the one that light samples find: paths met the sun
 # too rarely.
@@ -68,11 +69,10 @@ def draw(results: Results) -> Figure:
     figure = Figure(figsize=(1.35 * len(columns) + 2.2, 1.75 * len(rows) + 1.0))
     panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex=True, sharey=True)
     norm = TwoSlopeNorm(0.0, -RANGE, RANGE)
-    shown = None
     for (measure, kind), line in zip(rows, panels, strict=True):
         for light, axes in zip(columns, line, strict=True):
             own = [c for c in cells if (c["light"], c["angle_deg"]) == light]
-            shown = _panel(axes, own, measure, kind, norm)
+            _panel(axes, own, measure, kind, norm)
         label = f"{MEASURES[measure]},\n{SAMPLED[kind]}"
         line[0].set_ylabel(f"{label}\n\nstrands", fontsize=8)
     for light, axes in zip(columns, panels[0], strict=True):
@@ -80,14 +80,15 @@ def draw(results: Results) -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("absorption", fontsize=8)
     figure.subplots_adjust(left=0.1, right=0.92, top=0.93, bottom=0.08, wspace=0.08, hspace=0.08)
-    bar = figure.colorbar(shown, cax=figure.add_axes((0.935, 0.2, 0.012, 0.6)))
+    colours = ScalarMappable(norm, COLOURS)
+    bar = figure.colorbar(colours, cax=figure.add_axes((0.935, 0.2, 0.012, 0.6)))
     ticks = np.array([0.5, 0.7, 1.0, 1.4, 2.0])
     bar.set_ticks(np.log(ticks).tolist(), labels=[f"{t:g}" for t in ticks])
     bar.set_label("RMSE of attenuation-cdf over that of uniform-h", fontsize=8)
     return figure
 
 
-def _panel(axes: Axes, cells: list[Cell], measure: str, kind: str, norm: TwoSlopeNorm) -> Any:
+def _panel(axes: Axes, cells: list[Cell], measure: str, kind: str, norm: TwoSlopeNorm) -> None:
     values = np.full((len(STRANDS), len(ABSORPTIONS)), np.nan)
     for cell in cells:
         y, x = STRANDS.index(cell["strands"]), ABSORPTIONS.index(cell["sigma_ca"])
@@ -100,11 +101,10 @@ def _panel(axes: Axes, cells: list[Cell], measure: str, kind: str, norm: TwoSlop
         dark = said != "unknown" and abs(math.log(found["mean"])) > 0.7 * RANGE
         colour = "white" if dark else "black"
         axes.text(x, y, text, ha="center", va="center", size=6, weight=weight, color=colour)
-    shown = axes.imshow(values, norm=norm, cmap="RdBu_r", origin="lower", aspect="auto")
+    axes.imshow(values, norm=norm, cmap=COLOURS, origin="lower", aspect="auto")
     axes.set_facecolor("#eeeeee")
     axes.set_xticks(range(len(ABSORPTIONS)), [f"{a:g}" for a in ABSORPTIONS], fontsize=6)
     axes.set_yticks(range(len(STRANDS)), [f"{n:,}" for n in STRANDS], fontsize=6)
-    return shown
 
 
 def counts(results: Results) -> str:
