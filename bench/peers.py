@@ -227,9 +227,9 @@ def compared(
                 np.log(pictures[name].mean(axis=(1, 2, 3))) - np.log(mean)
             )
         rows.append(row)
-        Image(pictures[name].mean(axis=0).astype(np.float32)).save(
-            given.output / f"{groom}-{row['settings']}-{name}.png"
-        )
+        if given.pictures:
+            picture = Image(pictures[name].mean(axis=0).astype(np.float32))
+            picture.save(given.pictures / f"{groom}-{row['settings']}-{name}.png")
         print(json.dumps(row), flush=True)
     return rows
 
@@ -244,13 +244,15 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=SIZE)
     parser.add_argument("--spp", type=int, default=32)
     parser.add_argument("--rounds", type=int, default=6)
+    parser.add_argument("--pictures", type=Path, help="folder for the mean pictures")
     parser.add_argument("--strands", type=int, help="thin the grooms")
     given = parser.parse_args()
     names = given.renderers.split(",")
     unknown = [name for name in names if name not in RENDERERS]
     if unknown or "furcl" not in names:
         parser.error(f"--renderers {given.renderers}: furcl and some of {', '.join(RENDERERS)}")
-    given.output.mkdir(parents=True, exist_ok=True)
+    for folder in filter(None, (given.output, given.pictures)):
+        folder.mkdir(parents=True, exist_ok=True)
     rows = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
