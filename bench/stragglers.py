@@ -6,7 +6,7 @@ Measures parts of a scene one after the other on this machine, then deals parts 
 `furcl.distributed` does: each takes the next when it is ready. A part's time is one of the measured
 ones, times the pace of its machine. Some machines are slow, and one may be lost half-way. With
 `again` a machine that has nothing left takes a part that another works on, and the first of both
-counts, as on several devices; Dask does not do that by itself.
+counts.
 """
 
 from __future__ import annotations
