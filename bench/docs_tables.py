@@ -16,6 +16,7 @@ import model_tables
 import paper_size_tables
 import render_tables
 import stability_tables
+import where_it_pays_tables
 from tables import filled
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -27,6 +28,7 @@ DOCUMENTS = {
     | paper_size_tables.TABLES
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
+    "where_it_pays.md": where_it_pays_tables.TABLES,
 }
 
 
