@@ -16,7 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from tables import FOLDER, Results, circumstances, load, table
-from where_it_pays import ABSORPTIONS, LIGHT_SAMPLING, STRANDS, Cell
+from where_it_pays import ABSORPTIONS, LIGHT_SAMPLING, Cell
 
 from furcl.report.convergence_plots import save
 
@@ -40,6 +40,11 @@ UNKNOWN, FAR = math.log(1.5), 0.07
 def lights(cells: Iterable[Cell]) -> list[tuple[str, float]]:
     """The lights of cells, in their order."""
     return list(dict.fromkeys((cell["light"], cell["angle_deg"]) for cell in cells))
+
+
+def densities(cells: Iterable[Cell]) -> list[int]:
+    """The numbers of strands of cells, ascending."""
+    return sorted({cell["strands"] for cell in cells})
 
 
 def light_name(light: tuple[str, float]) -> str:
@@ -72,7 +77,7 @@ def draw(results: Results) -> Figure:
     for (measure, kind), line in zip(rows, panels, strict=True):
         for light, axes in zip(columns, line, strict=True):
             own = [c for c in cells if (c["light"], c["angle_deg"]) == light]
-            _panel(axes, own, measure, kind, norm)
+            _panel(axes, own, densities(cells), measure, kind, norm)
         label = f"{MEASURES[measure]},\n{SAMPLED[kind]}"
         line[0].set_ylabel(f"{label}\n\nstrands", fontsize=8)
     for light, axes in zip(columns, panels[0], strict=True):
@@ -88,10 +93,12 @@ def draw(results: Results) -> Figure:
     return figure
 
 
-def _panel(axes: Axes, cells: list[Cell], measure: str, kind: str, norm: TwoSlopeNorm) -> None:
-    values = np.full((len(STRANDS), len(ABSORPTIONS)), np.nan)
+def _panel(
+    axes: Axes, cells: list[Cell], strands: list[int], measure: str, kind: str, norm: TwoSlopeNorm
+) -> None:
+    values = np.full((len(strands), len(ABSORPTIONS)), np.nan)
     for cell in cells:
-        y, x = STRANDS.index(cell["strands"]), ABSORPTIONS.index(cell["sigma_ca"])
+        y, x = strands.index(cell["strands"]), ABSORPTIONS.index(cell["sigma_ca"])
         found = cell[kind][measure]
         said = verdict(cell, measure, kind)
         if said != "unknown":
@@ -104,7 +111,7 @@ def _panel(axes: Axes, cells: list[Cell], measure: str, kind: str, norm: TwoSlop
     axes.imshow(values, norm=norm, cmap=COLOURS, origin="lower", aspect="auto")
     axes.set_facecolor("#eeeeee")
     axes.set_xticks(range(len(ABSORPTIONS)), [f"{a:g}" for a in ABSORPTIONS], fontsize=6)
-    axes.set_yticks(range(len(STRANDS)), [f"{n:,}" for n in STRANDS], fontsize=6)
+    axes.set_yticks(range(len(strands)), [f"{n:,}" for n in strands], fontsize=6)
 
 
 def counts(results: Results) -> str:
@@ -135,7 +142,7 @@ def black(results: Results) -> str:
     cells = [cell for cell in results["cells"] if cell["sigma_ca"] == BLACK]
     columns = [light for light in lights(cells) if light[1] in (0.0, *SHOWN_SUNS)]
     lines = []
-    for n in STRANDS:
+    for n in densities(cells):
         own = {(c["light"], c["angle_deg"]): c for c in cells if c["strands"] == n}
         for kind in LIGHT_SAMPLING:
             hits = [rays - 1.0 for rays in own["even", 0.0]["bcsdf"]["rays_per_path"]]
@@ -199,8 +206,6 @@ TABLES = {
     "pays-black": _made(black),
     "parts-circumstances": _made(lambda results: circumstances(results), PARTS_RESULTS),
     "parts": _made(parts, PARTS_RESULTS),
-    "even-circumstances": _made(lambda results: circumstances(results), EVEN_RESULTS),
-    "even": _made(scene_even, EVEN_RESULTS),
 }
 
 

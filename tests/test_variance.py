@@ -237,6 +237,7 @@ def test_results_and_figures(device, tmp_path):
         parts = [part["variance"]["mean"] for part in found["parts"]]
         assert sum(parts) == pytest.approx(total, rel=1e-9)
         assert sum(part["share"] for part in found["parts"]) == pytest.approx(1.0)
+        assert [part["kind"] for part in found["alone"]] == ["camera", "h", "lobe", "direction"]
         with np.load(out / variance.maps_of("scene", found["name"])) as maps:
             each = [maps[name].mean() for name in maps.files]
         assert each == pytest.approx(parts, rel=1e-4, abs=1e-6 * total)

@@ -4,7 +4,7 @@ Two samples of a pixel that share some numbers X and are independent in all othe
 the others decide: the mean of their variance is E[Var(f | X)]. Numbers are fixed one kind after the
 other, the camera's first, then those of the first bounce in the order of
 `furcl.rendering.held.KINDS`, then those of the second; the variance that each takes away is its
-part, and all parts together are the variance (Sobol' 1993). A part holds what its numbers decide
+part, and all parts together are the variance (Sobol 1993). A part holds what its numbers decide
 together with those before them. Beside that stands what a kind leaves alone, all other numbers of
 all bounces fixed: these hold what the numbers decide together with any others, so they need not add
 up.
@@ -158,9 +158,8 @@ def measure(
         before = after
     parts.append(_part(LATER, None, before.groups, total))
     maps[LATER] = before.pixels
-    kinds = list(
-        dict.fromkeys(k for b in range(scene.render.max_depth) for k in played(renderer, b))
-    )
+    of_bounces = (played(renderer, bounce) for bounce in range(scene.render.max_depth))
+    kinds: list[Kind | None] = [None, *dict.fromkeys(kind for own in of_bounces for kind in own)]
     alone = [_part(kind or CAMERA, None, found_left(all_but(kind)).groups, total) for kind in kinds]
     found = {
         "variance": mean_interval(whole.groups).as_dict(),

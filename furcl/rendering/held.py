@@ -4,7 +4,7 @@ is that of the others.
 A path has numbers for the camera, and at every bounce for the offset h, the lobe, its direction,
 the light sample and Russian roulette. With X the numbers that are held, the variance of a pixel's
 samples has the mean E[Var(f | X)]; without any it is Var(f), and the difference is Var(E[f | X]),
-what X alone decides (Sobol' 1993, "Sensitivity estimates for nonlinear mathematical models").
+what X alone decides (Sobol 1993, "Sensitivity estimates for nonlinear mathematical models").
 """
 
 from __future__ import annotations
