@@ -206,6 +206,8 @@ TABLES = {
     "pays-black": _made(black),
     "parts-circumstances": _made(lambda results: circumstances(results), PARTS_RESULTS),
     "parts": _made(parts, PARTS_RESULTS),
+    "even-circumstances": _made(lambda results: circumstances(results), EVEN_RESULTS),
+    "even": _made(scene_even, EVEN_RESULTS),
 }
 
 

@@ -11,8 +11,10 @@ import typer
 from furcl.cli.console import print_table
 from furcl.cli.options import (
     SAMPLER_FILE,
+    SAMPLING,
     SEED,
     SIZE,
+    VARIANT,
     DeviceName,
     Folder,
     Overrides,
@@ -25,18 +27,13 @@ log = logging.getLogger(__name__)
 def variance(
     scenes: SceneNames,
     out: Folder,
-    variant: Annotated[
-        list[str] | None,
-        typer.Option(help="One to measure: 'NAME: KEY=VALUE ...', keys of [render] and [film]."),
-    ] = None,
-    sampling: Annotated[
-        str | None, typer.Option(help="The short form: names of samplers, A,B,C, each a variant.")
-    ] = None,
+    variant: Annotated[list[str] | None, VARIANT] = None,
+    sampling: Annotated[str | None, SAMPLING] = None,
     sampler: Annotated[list[Path] | None, SAMPLER_FILE] = None,
     size: Annotated[str | None, SIZE] = None,
     bounces: Annotated[int, typer.Option(help="Bounces that are told apart.")] = 2,
     groups: Annotated[int, typer.Option(help="Repetitions, which intervals are over.")] = 16,
-    samples: Annotated[int, typer.Option(help="Samples a pixel in each that share numbers.")] = 8,
+    group_size: Annotated[int, typer.Option(help="Samples a pixel in each, sharing numbers.")] = 8,
     seed: Annotated[int, SEED] = 1,
     device: DeviceName = None,
     overrides: Overrides = None,
@@ -63,7 +60,7 @@ def variance(
         size=size,
         bounces=bounces,
         groups=groups,
-        samples=samples,
+        samples=group_size,
         seed=seed,
         overrides=overrides or (),
     )

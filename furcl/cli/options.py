@@ -73,6 +73,8 @@ SPP = typer.Option("--spp", min=1, help="Samples per pixel; of a benchmark, in e
 SEED = typer.Option("--seed", help="All random numbers follow from it.")
 ROUNDS = typer.Option("--rounds", min=1, help="Times that each is measured.")
 QUICK = typer.Option("--quick", help="Small and few, to try the command.")
+VARIANT = typer.Option(help="One to compare: 'NAME: KEY=VALUE ...', keys of [render] and [film].")
+SAMPLING = typer.Option(help="The short form: names of samplers, A,B,C, each a variant.")
 SAMPLER_FILE = typer.Option(
     "--sampler", help="A sampler of your own, FILE.clh: registered under its name and used."
 )
