@@ -286,6 +286,8 @@ ABSENT = [
     ({"variance": False, "planned": False}, "add_to_film", ("mean_before",)),
     ({"planned": False}, "generate", ("planned_sample(", "PS_SAMPLE")),
     ({"planned": False}, "shade", ("PS_SAMPLE",)),
+    ({"held": False}, "shade", ("held_numbers(", "shared")),
+    ({"held": False}, "generate", ("held_numbers(", "shared")),
     ({"planned": False}, "add_to_film", ("keep_pilot(", "pilots", "planned_paths(")),
     ({"roulette": False}, "shade", ("throughput /= keep_next",)),
     ({"learning": None}, "shade", ("learned_cell(", "record_arrival(")),
@@ -301,7 +303,8 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
-        "sequence": "sobol", "planned": True, "fibres": 2, "absorption": "strand",
+        "sequence": "sobol", "planned": True, "held": True,
+        "fibres": 2, "absorption": "strand",
         "shadow_roulette": True, "learning": LearningPart(),
         "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip

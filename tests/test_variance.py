@@ -237,7 +237,8 @@ def test_results_and_figures(device, tmp_path):
         parts = [part["variance"]["mean"] for part in found["parts"]]
         assert sum(parts) == pytest.approx(total, rel=1e-9)
         assert sum(part["share"] for part in found["parts"]) == pytest.approx(1.0)
-        assert [part["kind"] for part in found["alone"]] == ["camera", "h", "lobe", "direction"]
+        kinds = [part["kind"] for part in found["alone"]]
+        assert kinds == ["camera", "h", "lobe", "direction", "roulette"]
         with np.load(out / variance.maps_of("scene", found["name"])) as maps:
             each = [maps[name].mean() for name in maps.files]
         assert each == pytest.approx(parts, rel=1e-4, abs=1e-6 * total)
@@ -251,7 +252,7 @@ def test_results_and_figures(device, tmp_path):
 def test_too_few_are_refused(tmp_path):
     with pytest.raises(BenchError, match="--groups 1: give 2 or more"):
         variance.run([], tmp_path, groups=1)
-    with pytest.raises(BenchError, match="--samples 1: give 2 or more"):
+    with pytest.raises(BenchError, match="--group-size 1: give 2 or more"):
         variance.run([], tmp_path, samples=1)
 
 

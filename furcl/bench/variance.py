@@ -231,7 +231,7 @@ def run(
     """
     for name, number, least in (
         ("groups", groups, 2),
-        ("samples", samples, 2),
+        ("group-size", samples, 2),
         ("bounces", bounces, 0),
     ):
         if number < least:
