@@ -108,7 +108,7 @@ def picture(device: Device, path: Path, spp: int = 64) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path("bench/results/models"))
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--picture", type=Path)
