@@ -14,7 +14,17 @@ from furcl.errors import GroomError
 from furcl.files import atomic_path, check_regular, named
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.flatten import flattened
-from furcl.groom.formats import hair_salon, mitsuba_text, npy, npz, ply, tressfx, yuksel_hair
+from furcl.groom.formats import (
+    hair_salon,
+    mitsuba_text,
+    npy,
+    npz,
+    pbrt,
+    ply,
+    tressfx,
+    usd,
+    yuksel_hair,
+)
 from furcl.groom.formats.format import BASES, Asked, Format, Strands
 from furcl.values import is_number, is_whole, shown
 
@@ -26,10 +36,12 @@ FORMATS: tuple[Format, ...] = (
     yuksel_hair.FORMAT,
     npz.FORMAT,
     ply.FORMAT,
+    usd.FORMAT,
     mitsuba_text.FORMAT,
     tressfx.FORMAT,
     npy.FORMAT,
     hair_salon.FORMAT,
+    pbrt.FORMAT,
 )
 #: Suffixes of what is known and not read, and what to do.
 NOT_READ = {
