@@ -172,8 +172,11 @@ def test_a_library_that_crashes_or_hangs(tmp_path, monkeypatch):
     monkeypatch.setattr(usd, "python_command", lambda *_: ["sh", "-c", "kill -SEGV $$"])
     with pytest.raises(GroomError, match=r"usd-core crashes on it .signal 11"):
         load_curves(path)
+    monkeypatch.setattr(usd, "python_command", lambda *_: ["sh", "-c", "kill -XCPU $$"])
+    with pytest.raises(GroomError, match="not done with it after 60 s of processor time"):
+        load_curves(path)
     monkeypatch.setattr(usd, "python_command", lambda *_: ["sleep", "60"])
-    monkeypatch.setattr(usd, "SECONDS", 0.1)
+    monkeypatch.setattr(usd, "PATIENCE", 0.001)
     with pytest.raises(GroomError, match="usd-core was not done with it after 0 s"):
         load_curves(path)
 

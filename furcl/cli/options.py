@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 
 SceneName = Annotated[
-    str, typer.Argument(help="A TOML scene, or the name of one that comes with furcl.")
+    str,
+    typer.Argument(help="A TOML scene, the name of one that comes with furcl, or a groom."),
 ]
 SceneNames = Annotated[
     list[str], typer.Argument(help="TOML scenes, or names of those that come with furcl.")
@@ -63,6 +64,9 @@ Basis = Annotated[
         help="What points are where a groom does not say: linear (corners), or control points: "
         "bezier, bspline, catmull-rom."
     ),
+]
+Material = Annotated[
+    str | None, typer.Option(help="Fibre of a groom without a scene: a preset, or a model.")
 ]
 PointsPerStrand = Annotated[
     int | None, typer.Option(help="Where a groom does not say where strands begin.")

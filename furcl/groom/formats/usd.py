@@ -6,6 +6,7 @@ import importlib.util
 import json
 import logging
 import os
+import signal
 import subprocess
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -28,8 +29,9 @@ NEEDED = "USD needs usd-core; install it: pip install 'furcl[usd]'"
 #: Beside what the libraries take: the file, its text as numbers, and arrays of it.
 MEMORY_FACTOR = 4
 SLACK_BYTES = 192 << 20
-#: A damaged file may make the library wait for ever.
-SECONDS, SECONDS_PER_MIB = 60.0, 2.0
+#: A damaged file may keep the library busy, or waiting, for ever: processor time of the process,
+#: and by how much longer it may take on a machine with other work.
+SECONDS, SECONDS_PER_MIB, PATIENCE = 60.0, 2.0, 20.0
 _KINDS = {"linear", "cubic"}
 _BASES = {"bezier": "bezier", "bspline": "bspline", "catmullRom": "catmull-rom"}
 _WRAPS = ("nonperiodic", "periodic", "pinned")
@@ -133,7 +135,9 @@ def _extracted(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     size = path.stat().st_size
     file = os.memfd_create("furcl-usd", os.MFD_CLOEXEC)
     try:
-        request = json.dumps([str(path.absolute()), file, MEMORY_FACTOR * size + SLACK_BYTES])
+        seconds = SECONDS + SECONDS_PER_MIB * size / 2**20
+        n_bytes = MEMORY_FACTOR * size + SLACK_BYTES
+        request = json.dumps([str(path.absolute()), file, n_bytes, seconds])
         try:
             ended = subprocess.run(
                 python_command("-m", "furcl.groom.formats.usd_stage", request),
@@ -143,13 +147,18 @@ def _extracted(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
                 stderr=subprocess.PIPE,
                 pass_fds=(file,),
                 check=False,
-                timeout=SECONDS + SECONDS_PER_MIB * size / 2**20,
+                timeout=PATIENCE * seconds,
             )
         except subprocess.TimeoutExpired as error:
             raise GroomError(
                 f"{path}: usd-core was not done with it after {error.timeout:.0f} s; it is "
                 "damaged, export it again."
             ) from None
+        if ended.returncode == -signal.SIGXCPU:
+            raise GroomError(
+                f"{path}: usd-core was not done with it after {seconds:.0f} s of processor time; "
+                "it is damaged, export it again."
+            )
         if ended.returncode != 0:
             said = ended.stderr.decode("utf-8", "replace").strip().splitlines() or ["nothing"]
             code = ended.returncode
@@ -157,12 +166,17 @@ def _extracted(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
             if "MemoryError" in said[-1] or "bad_alloc" in said[-1]:
                 how = f"takes more than {MEMORY_FACTOR} times the memory of the file"
             raise GroomError(f"{path}: usd-core {how}; it is damaged, export it again.")
-        with os.fdopen(os.dup(file), "rb") as shared:
-            shared.seek(0)
-            with np.load(shared, allow_pickle=False) as found:
-                arrays = dict(found)
+        return shared_result(file)
     finally:
         os.close(file)
+
+
+def shared_result(file: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What furcl.groom.formats.usd_stage has written to an open file."""
+    with os.fdopen(os.dup(file), "rb") as shared:
+        shared.seek(0)
+        with np.load(shared, allow_pickle=False) as found:
+            arrays = dict(found)
     return json.loads(bytes(arrays.pop("said"))), arrays
 
 

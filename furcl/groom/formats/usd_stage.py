@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import sys
 from typing import Any, BinaryIO
 
@@ -152,10 +153,13 @@ def write_result(path: str, file: BinaryIO) -> None:
 
 def main(request: str) -> int:
     """Read what a request of furcl.groom.formats.usd names."""
-    path, file, n_bytes = json.loads(request)
+    path, file, n_bytes, seconds = json.loads(request)
     from pxr import Usd, UsdGeom, UsdShade  # noqa: F401  # before its memory is limited
 
     limit_memory(n_bytes)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    limit = int(used.ru_utime + used.ru_stime + seconds) + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
     with os.fdopen(file, "wb") as shared:
         write_result(path, shared)
     return 0
