@@ -4,16 +4,32 @@ from __future__ import annotations
 
 import dataclasses
 
+from typing import TypeVar
+
 import numpy as np
+from numpy.typing import NDArray
 
 from furcl.errors import GroomError
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.units import Units
 from furcl.values import is_number, shown
 
+Number = TypeVar("Number", bound=np.floating)
+
 #: Columns and signs that turn a groom so that an axis of it becomes z.
 _TURNS = {"x": ((1, 2, 0), (1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
 UP_AXES = tuple(_TURNS)
+
+
+def axis_up(curves: Curves, up_axis: str | None) -> str:
+    """The axis of a groom that is up: one that is given, what its file says, or z."""
+    return up_axis or curves.units.up_axis or "z"
+
+
+def turned(points: NDArray[Number], axis: str) -> NDArray[Number]:
+    """Points (n, 3) so turned that an axis of UP_AXES becomes z."""
+    columns, signs = _TURNS[axis]
+    return points[:, columns] * np.array(signs, points.dtype)
 
 
 def z_up(curves: Curves, up_axis: str | None = None) -> Curves:
@@ -27,14 +43,13 @@ def z_up(curves: Curves, up_axis: str | None = None) -> Curves:
     ------
     GroomError          another axis
     """
-    axis = up_axis or curves.units.up_axis or "z"
+    axis = axis_up(curves, up_axis)
     if axis not in _TURNS:
         raise GroomError(f"up axis = {shown(axis)}; it must be one of {', '.join(_TURNS)}.")
-    columns, signs = _TURNS[axis]
     units = Units(curves.units.metres, "z" if up_axis or curves.units.up_axis else None)
     points = curves.points
     if axis != "z":
-        points = points[:, columns] * np.array(signs, np.float32)
+        points = turned(points, axis)
         points.flags.writeable = False
     return dataclasses.replace(curves, points=points, units=units)
 
