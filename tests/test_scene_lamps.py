@@ -69,7 +69,7 @@ def test_lamps_that_cannot_be_built_say_which(lamp, message):
 def test_a_scene_needs_some_light(tmp_path):
     path = tmp_path / "a.toml"
     path.write_text('[fibre]\npreset = "human-black"\n[curves]\ngenerator = "fibre"\n')
-    with pytest.raises(SceneError, match="environment is missing; add it or a lamp"):
+    with pytest.raises(SceneError, match="environment is missing; add it, a lamp or"):
         load_scene(path)
     path.write_text(path.read_text() + '[[lamp]]\nkind = "point"\nintensity = 1.0\n')
     scene = load_scene(path, overrides=["lamp.lamp1.intensity=3.0"])
