@@ -17,7 +17,7 @@ from furcl.scene.read import with_overrides
 from furcl.scene.tables import Scene
 
 OUT = Path(__file__).with_name("pictures")
-SIZE, SPP = 256, 256
+SIZE, SPP = 160, 256
 TILE, LINE, COLUMNS = 128, 14, 4
 
 SKIN = ["albedo=[0.58,0.38,0.29]", "coat.eta=1.4", "coat.roughness=0.45"]

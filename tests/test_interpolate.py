@@ -192,12 +192,13 @@ def test_children_on_a_mesh_go_as_the_guides_around_them(tmp_path, guides, hill)
     same = children(guides, n_strands=144, n_points=4, length_variation=0.0, roots=at)
     whole = children(guides, n_strands=144, n_points=4, length_variation=0.0, spread_deg=0.0)
     ways = [strands_of(c, 4)[:, -1] - strands_of(c, 4)[:, 0] for c in (same, whole)]
-    np.testing.assert_allclose(*(np.sort(way, axis=0) for way in ways), atol=1e-5)
+    found, expected = (np.sort(way, axis=0) for way in ways)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 def test_children_on_a_mesh_are_the_same_again(tmp_path, guides, hill):
     again = [on_mesh(tmp_path, guides, hill, seed=seed).points for seed in (1, 1, 2)]
-    np.testing.assert_array_equal(*again[:2])
+    np.testing.assert_array_equal(again[0], again[1])
     assert not np.array_equal(again[0], again[2])
 
 

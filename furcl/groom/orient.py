@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,6 @@ from furcl.errors import GroomError
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.units import Units
 from furcl.values import is_number, shown
-
-Number = TypeVar("Number", bound=np.floating)
 
 #: Columns and signs that turn a groom so that an axis of it becomes z.
 _TURNS = {"x": ((1, 2, 0), (1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
@@ -26,7 +23,7 @@ def axis_up(curves: Curves, up_axis: str | None) -> str:
     return up_axis or curves.units.up_axis or "z"
 
 
-def turned(points: NDArray[Number], axis: str) -> NDArray[Number]:
+def turned(points: NDArray[Any], axis: str) -> NDArray[Any]:
     """Points (n, 3) so turned that an axis of UP_AXES becomes z."""
     columns, signs = _TURNS[axis]
     return points[:, columns] * np.array(signs, points.dtype)

@@ -159,7 +159,6 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
 
     def build(self) -> Curves:
         from furcl.groom.grow.interpolate import children
-
         from furcl.groom.orient import axis_up, z_up
 
         read = self.read()

@@ -76,7 +76,7 @@ def children(
     if roots is None:
         own = np.resize(rng.permutation(guides.n_strands), n_strands)
     else:
-        own = KDTree(shapes[:, 0]).query(roots)[1]
+        own = np.asarray(KDTree(shapes[:, 0]).query(roots)[1], np.int64)
     pull = np.float32(clumping) * np.linspace(0.0, 1.0, k, dtype=np.float32)[:, None] ** 1.5
     points = np.empty((n_strands, k, 3), np.float32)
     radii = np.empty((n_strands, k), np.float32)
@@ -163,9 +163,9 @@ def _between(
         weights = _weights(shapes[:, 0], np.stack(sources), roots)
     mean = sum(w[:, None, None] * shapes[i] for w, i in zip(weights, sources, strict=True))
     radii = sum(w[:, None] * shape_radii[i] for w, i in zip(weights, sources, strict=True))
-    if roots is not None:
-        mean = mean - mean[:, :1] + roots[:, None]
     block = np.ascontiguousarray(np.transpose(mean, (1, 2, 0)))
+    if roots is not None:
+        block += roots.T - block[0]
     guide = np.transpose(shapes[own], (1, 2, 0))
     block += pull[:, None, :] * (guide - block)
     return block, np.asarray(radii, np.float32)

@@ -114,7 +114,7 @@ def _albedos(eta: float, alpha: float) -> Array:
         towards = np.clip(normal[0] * sin_o + normal[2] * cos_o, 0.0, 1.0)
         cos_i = 2.0 * towards * normal[2] - cos_o
         above = cos_i > 0.0
-        masked = _masking(np.float64(cos_o), alpha)
+        masked = _masking(np.array(cos_o), alpha)
         seen = (1.0 + masked) / (1.0 + masked + _masking(np.where(above, cos_i, 1.0), alpha))
         out[i] = (weight * np.where(above, fresnel(towards, eta) * seen, 0.0)).sum()
     out.setflags(write=False)
