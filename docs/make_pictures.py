@@ -1,7 +1,7 @@
 """Render the pictures of the README: python docs/make_pictures.py [NAME ...] [--data FOLDER].
 
-Writes docs/pictures/NAME.png, 256 samples a pixel. Those of GROOMS want a folder with `hair/` and
-`mesh/` that holds the files named there; without --data they are left as they are.
+Writes the PNG files of docs/pictures, 256 samples a pixel. Those of GROOMS want a folder with
+`hair/` and `mesh/` that holds the files named there; without --data they are left as they are.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def of_groom(name: str, data: Path) -> Scene:
 
 def of_preset(name: str) -> Scene:
     """A ball of fur of a preset."""
-    fur = ["curves.n_strands=30000", "curves.radius=0.004", "body.albedo=0.03"]
+    fur = ["curves.n_strands=30000", "curves.radius=0.004"]
     return furcl.load_scene("red_fox", overrides=[f'fibre={{preset="{name}"}}', *fur])
 
 
