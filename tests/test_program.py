@@ -84,6 +84,18 @@ def test_an_include_that_two_files_ask_for_comes_once(device, kernel_copy):
     assert _value(device) == 6.0
 
 
+@pytest.mark.parametrize("condition", ["#if 0", "#if 1", "#ifdef NONE\n#else"])
+def test_an_include_under_a_condition_hides_no_other(device, kernel_copy, condition):
+    """Whether the condition holds or not, who asks for the file later has it, once."""
+    base = "static inline float base(void) { return 3.0f; }\n"
+    _write(kernel_copy, "include/base.clh", f"#ifndef BASE\n#define BASE\n{base}#endif\n")
+    left = f'#ifndef LEFT\n#define LEFT\n{condition}\n#include "base.clh"\n#endif\n#endif\n'
+    _write(kernel_copy, "include/left.clh", left)
+    text = '#include "left.clh"\n#include "base.clh"\n#define VALUE base()\n'
+    _write(kernel_copy, "value.cl", text + VALUE)
+    assert _value(device) == 3.0
+
+
 def test_a_file_beside_the_one_that_asks_comes_before_others_of_its_name(device, kernel_copy):
     _write(kernel_copy, "include/part.clh", "#define FAR 1.0f\n")
     _write(kernel_copy, "include/own/part.clh", "#define NEAR 2.0f\n")

@@ -13,6 +13,8 @@ from furcl.files import read_text
 from furcl.paths import kernel_folder
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<(\w+)>)\s*$')
+_CONDITION = re.compile(r"^\s*#\s*(if|ifdef|ifndef|endif)\b")
+_GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)
 
 
 def expand(names: str | Sequence[str], features: Features, folder: Path | None = None) -> str:
@@ -22,7 +24,8 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
     kernels and in its include folder; `#include <light>` is the header of that part of `features`,
     and an error where they have none.
     Caches of OpenCL runtimes hash the text that they are given, not the files that it includes;
-    given the whole text they cannot return a stale kernel. Each file is included once.
+    given the whole text they cannot return a stale kernel. Each file is included once, and again
+    where it was included under a condition before, which may not hold: its guard does the rest.
 
     Raises
     ------
@@ -36,7 +39,7 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
         places = (*([beside] if beside else []), *bases)
         return next((p / include for p in places if (p / include).is_file()), None)
 
-    def walk(path: Path, asked_by: str) -> list[str]:
+    def walk(path: Path, asked_by: str, seen: set[Path]) -> list[str]:
         if path.resolve() in seen:
             return []
         seen.add(path.resolve())
@@ -49,9 +52,12 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
             ) from None
         label = _label(path, bases)
         lines = [f'#line 1 "{label}"']
+        depth = -1 if _GUARD.search(text) else 0
         for number, line in enumerate(text.splitlines(), 1):
             match = _INCLUDE.match(line)
             if not match:
+                if condition := _CONDITION.match(line):
+                    depth += -1 if condition[1] == "endif" else 1
                 lines.append(line)
                 continue
             place = f"{label}:{number}"
@@ -68,7 +74,7 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
                     f"{place}: #include {match[1]!r} is not found beside it, in {folder} or in its "
                     f"include folder; check the spelling"
                 )
-            lines += walk(target, place)
+            lines += walk(target, place, set(seen) if depth > 0 else seen)
             lines.append(f'#line {number + 1} "{label}"')
         return lines
 
@@ -77,7 +83,7 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
         start = find(name, None)
         if start is None:
             raise KernelBuildError(f"{name} is not found in {folder}; check the spelling")
-        lines += walk(start, name)
+        lines += walk(start, name, seen)
     return "\n".join(lines) + "\n"
 
 

@@ -130,7 +130,8 @@ class SamplePlan:
         return {
             "steps": self.steps,
             "goals": self._goals,
-            "needed": self._needed,
+            # JSON has no infinity.
+            "needed": [None if math.isinf(needed) else needed for needed in self._needed],
             "ends": self._ends,
             "level": self._level,
             "done": self._done,
@@ -147,7 +148,8 @@ class SamplePlan:
     def go_on(self, numbers: Mapping[str, Any]) -> None:
         """Go on with `numbers`, after `parts` were filled; weights follow from the pilots."""
         self.steps, self._level, self._done = (numbers[n] for n in ("steps", "level", "done"))
-        self._goals, self._needed, self._ends = (numbers[n] for n in ("goals", "needed", "ends"))
+        self._goals, self._ends = numbers["goals"], numbers["ends"]
+        self._needed = [math.inf if needed is None else needed for needed in numbers["needed"]]
         self._weights = None
         n_pixels = self.counts.size
         step = self._memory.read(self._buffers.plan, 2 * n_pixels + 1, np.uint32).astype(np.int64)
