@@ -64,6 +64,8 @@ VALUES = {
     "point_radii": (False, True),
     "surface": (None, PART),
     "meshes": (None, *(MeshPart(*flags) for flags in itertools.product((False, True), repeat=3))),
+    "motion": (0, 2),
+    "camera_motion": (0, 1),
     "lens": (False, True),
     "orthographic": (False, True),
     "crop": (False, True),
@@ -99,7 +101,9 @@ def _text(device, features, stage):
 
 def _reachable(values):
     """Combinations that a scene can have: scattering needs a medulla, colours need channels, a plan
-    needs variance; there is some light."""
+    needs variance; there is some light; a groom that moves has a radius a point."""
+    if values["motion"] and not values["point_radii"]:
+        return False
     if values["planned"] and not values["variance"]:
         return False
     if values["light"] is None and values["lamps"] is None:
@@ -273,6 +277,13 @@ ABSENT = [
     ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
     ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
     ({"lens": False}, "generate", ("sin_turn",)),
+    ({"motion": 0}, "generate", ("groom_time(", "PS_TIME")),
+    ({"motion": 0}, "intersect_closest", ("query.time", "PS_TIME", "groom->blocks[piece_of_time")),
+    ({"motion": 0}, "intersect_shadow", ("query.time", "PS_TIME")),
+    ({"motion": 0}, "shade", ("PS_TIME", "vertex_at_step(vertices, i, piece)")),
+    ({"camera_motion": 0}, "generate", ("moved_camera(", "vload3(3u + i, from)")),
+    ({"camera_motion": 0}, "add_first_hits", ("moved_camera(", "shutter")),
+    ({"motion": 0, "camera_motion": 0}, "generate", ("shutter", "wave.seed, pixel, sample, 1u")),
     ({"layers": None}, "generate", ("PS_FIRST", "set_path_uint(paths, PS_HIT_SEGMENT")),
     ({"layers": None}, "shade", ("note_for_layers(", "before_lobe", "PS_FIRST_LIGHT_0")),
     ({"layers": None}, "shade_surface", ("note_for_layers(", "bounce.first")),
@@ -301,7 +312,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
         "sequence": "sobol", "planned": True, "fibres": 2, "absorption": "strand",
-        "shadow_roulette": True, "learning": LearningPart(),
+        "shadow_roulette": True, "learning": LearningPart(), "motion": 2, "camera_motion": 2,
         "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))

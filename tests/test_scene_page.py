@@ -66,6 +66,7 @@ def test_examples_are_scenes(heading, tmp_path):
     table = getattr(decode_scene(document(section, tmp_path)), outermost)
     for key in keys:
         table = table[key] if isinstance(table, dict) else getattr(table, key)
+    table = table[0] if section.of_list else table
     assert isinstance(table, section.struct)
 
 
@@ -78,6 +79,8 @@ def test_ranges_are_those_that_hold(section, key, tmp_path):
         given["camera"] = {"target": [1, 0, 0]} if key.name == "origin" else {}
     if section.name == "fibre":
         given["fibre"] = {"preset": "raccoon"}
+    if section.of_list:
+        pytest.skip("keys of lists cannot be set one by one")
     for beyond in (low - 1.0 - abs(low), high + 1.0 + abs(high)):
         beyond = int(beyond) if key.kind.startswith("whole") else beyond
         value = [beyond] * int(key.kind[0]) if key.kind[0].isdigit() else beyond

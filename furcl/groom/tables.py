@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from furcl.errors import GroomError
 from furcl.groom import grow
 from furcl.groom.curves import Curves
 from furcl.table import Length, Table
@@ -54,10 +55,13 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
         curves = load_curves(self.file, self.default_radius, self.radius_scale)
         if self.up_axis == "z":
             return curves
-        points = curves.points[:, [0, 2, 1]]
-        points[:, 1] *= -1.0
-        points.flags.writeable = False
-        return dataclasses.replace(curves, points=points)
+        steps = curves.points[None] if curves.steps is None else curves.steps
+        steps = steps[..., [0, 2, 1]]
+        steps[..., 1] *= -1.0
+        steps.flags.writeable = False
+        return dataclasses.replace(
+            curves, points=steps[0], steps=None if curves.steps is None else steps
+        )
 
 
 class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate"):
@@ -96,6 +100,11 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
         from furcl.groom.grow.interpolate import children
 
         guides = super().build()
+        if guides.times:
+            raise GroomError(
+                f"{self.file}: guides that move have no children yet; write the guides of one time "
+                f"step, or the children of all of them."
+            )
         own = set(self.__struct_fields__) - set(FileCurves.__struct_fields__)
         return children(guides, **{name: getattr(self, name) for name in own}, source=self.file)
 

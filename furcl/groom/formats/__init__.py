@@ -106,13 +106,14 @@ def load_curves(
     with np.errstate(over="ignore", under="ignore"):
         radii = curves.radii * np.float32(radius_scale)
     return adopted(
-        curves.points,
+        curves.points if curves.steps is None else curves.steps,
         radii,
         curves.offsets,
         source=f"{path} (radius_scale = {radius_scale:g})",
         dropped=curves.dropped,
         attributes=curves.attributes,
         ignored=curves.ignored,
+        times=curves.times or None,
     )
 
 
