@@ -36,6 +36,7 @@ imports: $(VENV)/.installed
 # Pages that are written by the code.
 docs: $(VENV)/.device
 	$(BIN)/python docs/make_scene.py
+	$(BIN)/python docs/make_formats.py
 	$(BIN)/python bench/count_path.py --page docs/architecture.md
 
 setup: $(VENV)/.device

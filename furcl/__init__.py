@@ -28,11 +28,12 @@ _MODULES = {
     "models": "furcl.fibre.model",
     "bcsdf": "furcl.fibre.double_cylinder.reference",
     "bench": "furcl.bench",
+    "distributed": "furcl.distributed",
     "samplers": "furcl.fibre.samplers",
 }
 
 if TYPE_CHECKING:
-    from furcl import bench
+    from furcl import bench, distributed
     from furcl.device.choice import open_device
     from furcl.errors import FurclError
     from furcl.fibre import model as models
@@ -58,6 +59,7 @@ __all__ = [
     "Scene",
     "bcsdf",
     "bench",
+    "distributed",
     "lights",
     "load_curves",
     "load_scene",

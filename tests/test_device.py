@@ -209,6 +209,44 @@ def test_verdict_survives_any_end(
     assert runs.read_text().count("run") == (1 if remembered else 2)
 
 
+MAY_BE_THE_CACHE = {
+    "a crash": ("echo 'pocl.cc:577: Assertion `error == 0 failed'; kill -ABRT $$", True),
+    "a silent crash": ("kill -SEGV $$", True),
+    "no compiler's error": ("echo 'a.cl does not compile on X. It says:'; exit 10", True),
+    "a file of the cache": (
+        "echo 'a.cl does not compile'; echo 'error: <invalid loc>: no such file'; exit 10",
+        True,
+    ),
+    "a kernel's error": (
+        "echo 'a.cl does not compile'; echo 'a.cl:2:7: error: no'; exit 10",
+        False,
+    ),
+    "other sums": ("echo 'float8: other than numpy'; exit 10", False),
+    "an old compiler": ("echo 'unknown target CPU'; kill -ABRT $$", False),
+}
+
+
+@pytest.mark.parametrize(
+    ("runtime", "variable"),
+    [
+        ("Portable Computing Language", "POCL_CACHE_DIR"),
+        ("NVIDIA CUDA", "CUDA_CACHE_PATH"),
+        ("another", ""),
+    ],
+)
+def test_caches_of_runtimes_are_named_where_they_may_be_the_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, runtime: str, variable: str
+) -> None:
+    candidate = Candidate(0, "0:0", "a device", runtime, "1", "2", "CPU", 1, 2**30)
+    monkeypatch.setenv(variable or "NONE", str(tmp_path / "built"))
+    for name, (script, expected) in MAY_BE_THE_CACHE.items():
+        fake_python(tmp_path, monkeypatch, script)
+        reason = candidate.verdict().reason
+        advice = f"remove {tmp_path / 'built'}, or let {variable} name another folder"
+        assert (advice in reason) == (expected and bool(variable)), f"{name}: {reason}"
+        assert len(reason) < 600
+
+
 def test_verdict_is_asked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a change of the driver or of the self-test, on request, or without a cache."""
     runs = fake_python(tmp_path, monkeypatch, "exit 0")

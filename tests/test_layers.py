@@ -16,7 +16,7 @@ import furcl
 from furcl.device import layout
 from furcl.device.layout import LAYERS
 from furcl.errors import SceneError
-from furcl.image import cryptomatte
+from furcl.image import cryptomatte, size
 from furcl.image.image import Image
 from furcl.oracle.host_render import Segments
 from furcl.rendering.layers import NO_DEPTH, RANKED_IDS, RANKS
@@ -443,6 +443,19 @@ def test_a_window_and_a_frame_have_the_layers_of_the_whole(device):
         assert np.array_equal(values, whole.layers[name], equal_nan=True), name
         again, first = (frames[i].layers[name] for i in (1, 0))
         assert np.array_equal(again, first, equal_nan=True), name
+
+
+def test_a_film_that_is_read_by_strips_has_the_same_layers(device, monkeypatch):
+    """Of which a strip may show fewer objects than the picture."""
+    renderer = Renderer(with_layers(patch(), *LAYERS), device)
+    renderer.advance(2)
+    whole = renderer.image()
+    monkeypatch.setattr(size, "STRIP_PIXELS", 64)
+    found = renderer.image()
+    assert found.layers.keys() == whole.layers.keys()
+    assert found.attributes == whole.attributes
+    for name, values in whole.layers.items():
+        assert np.array_equal(found.layers[name], values, equal_nan=True), name
 
 
 def test_layers_are_written_and_read(device, tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import make_head
 import numpy as np
 import pytest
@@ -10,12 +12,14 @@ from mesh_shapes import box, sphere
 from PIL import Image as Pillow
 
 from furcl.errors import FurclError, ImageError, MeshError, SceneError
+from furcl.image import size
 from furcl.image.colour import srgb_decode
 from furcl.image.image import Image
 from furcl.paths import scene_folder
 from furcl.scene.mesh import MeshTable
 from furcl.scene.read import decode_scene
 from furcl.scene.transform import Transform
+from furcl.surface.mesh import triangles
 from furcl.surface.mesh.mesh import Mesh, Meshes
 from furcl.surface.mesh.read import read_mesh
 from furcl.surface.mesh.texture import read_texture
@@ -105,6 +109,7 @@ REFUSED = {
     "cloud.ply": (ply_text(SQUARE, []), "no triangles"),
     "short.ply": (ply_text(SQUARE, [[0, 1, 2]])[:-20], "no triangles"),
     "beyond.ply": (ply_text(SQUARE, [[0, 1, 7]]), "triangle 0 has the vertices"),
+    "flat.obj": ("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "vertices have the shape (3, 2)"),
     "mesh.fbx": ("x", "read from .obj, .ply files"),
     "no_uv.obj": (obj_text(CUBE), "has no texture coordinates"),
 }
@@ -116,7 +121,7 @@ def test_what_is_no_mesh_is_refused(tmp_path, name):
     text, said = REFUSED[name]
     path = written(tmp_path, name, text)
     texture = str(path) if name == "no_uv.obj" else None
-    with pytest.raises(MeshError, match=said.replace(".", r"\.").replace("+", r"\+")) as error:
+    with pytest.raises(MeshError, match=re.escape(said)) as error:
         MeshTable(file=str(path), texture_file=texture).build("mesh.head")
     assert name in str(error.value)
     assert ";" in str(error.value)
@@ -234,6 +239,39 @@ def test_tables_that_cannot_be_are_refused(tmp_path, name):
     }
     with pytest.raises(SceneError, match=said):
         decode_scene(document)
+
+
+@pytest.mark.parametrize("kind", ["GIF", "EPS", "TIFF", "PPM"])
+def test_textures_are_told_by_their_first_bytes(tmp_path, rng, kind):
+    """Pillow would run other programs, such as Ghostscript, on a PNG that is none."""
+    picture = Pillow.fromarray(rng.integers(0, 256, (4, 6, 3), np.uint8))
+    picture.save(tmp_path / "a.png", kind)
+    with pytest.raises(ImageError, match="is no picture that Pillow reads"):
+        read_texture(tmp_path / "a.png")
+    picture.save(tmp_path / "b.jpg", "PNG")
+    assert read_texture(tmp_path / "b.jpg").shape == (4, 6, 3)
+
+
+def test_a_texture_of_several_strips_is_that_of_one(tmp_path, rng, monkeypatch):
+    pixels = rng.integers(0, 256, (37, 20, 3), np.uint8)
+    Pillow.fromarray(pixels).save(tmp_path / "a.png")
+    whole = read_texture(tmp_path / "a.png")
+    monkeypatch.setattr(size, "STRIP_PIXELS", 100)
+    assert np.array_equal(read_texture(tmp_path / "a.png"), whole)
+    assert np.array_equal(whole, srgb_decode(pixels / 255.0).astype(np.float32))
+
+
+@pytest.mark.parametrize("with_normals", [False, True])
+def test_a_mesh_of_several_blocks_is_that_of_one(monkeypatch, with_normals):
+    points = sphere(8).corners.reshape(-1, 3)
+    faces = np.arange(len(points)).reshape(-1, 3)[:, ::-1]
+    normals = np.where(np.arange(len(points))[:, None] % 3, 0.0, points) if with_normals else None
+    whole = Triangles.from_arrays(points, faces, normals=normals)
+    monkeypatch.setattr(triangles, "BLOCK", 7)
+    found = Triangles.from_arrays(points, faces, normals=normals)
+    assert found.dropped == whole.dropped
+    assert np.array_equal(found.corners, whole.corners)
+    assert np.allclose(given(found.normals), given(whole.normals), rtol=0.0, atol=1e-6)
 
 
 def test_a_texture_needs_places():

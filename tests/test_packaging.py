@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -75,3 +77,31 @@ def test_installed_wheel_renders_a_pixel(installed: Path, tmp_path: Path) -> Non
     command = ("furcl", "render", "single_fibre", "-o", str(picture), "--size", "1x1", "--spp", "1")
     output_of(installed, *command)
     assert picture.stat().st_size > 0
+
+
+def _extras() -> dict[str, set[str]]:
+    """Extra -> its packages; "" for what is always installed."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lists = {"": project["dependencies"], **project["optional-dependencies"]}
+    return {
+        extra: {re.split(r"[<>=]", package)[0] for package in packages}
+        for extra, packages in lists.items()
+    }
+
+
+def test_every_extra_that_a_message_names_is_one() -> None:
+    files = [p for name in ("furcl", "docs") for p in (REPOSITORY / name).rglob("*.*")]
+    texts = [p.read_text(encoding="utf-8") for p in files if p.suffix in (".py", ".md")]
+    named = {name for text in texts for name in re.findall(r"furcl\[(\w+)\]", text)}
+    assert {"report", "cryptomatte"} <= named <= _extras().keys()
+
+
+def test_the_page_of_dependencies_lists_the_packages_of_the_project() -> None:
+    page = (REPOSITORY / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    base, extras = page.split("## ")[0].split("| extra |")
+    rows = [
+        ("", *re.findall(r"[\w-]+", line)[:1]) for line in base.splitlines() if line[:2] == "| "
+    ]
+    rows += re.findall(r"^\| (\w+) \| ([\w-]+) \|", extras, re.MULTILINE)
+    of_page = {(extra, name) for extra, name in rows if name != "package"}
+    assert of_page == {(extra, name) for extra, names in _extras().items() for name in names}

@@ -1,5 +1,6 @@
 """Building kernels: includes, declarations, and that no build is ever stale or made twice."""
 
+import dataclasses
 import shutil
 import threading
 import warnings
@@ -238,6 +239,31 @@ def test_threads_that_build_bring_no_warnings(device, kernel_copy):
     assert [str(warning.message) for warning in seen] == ["the caller's own"]
     with pytest.warns(cl.CompilerWarning):
         cl.Program(device.context, "#define VALUE 9\n" + chatty).build(list(program.OPTIONS))
+
+
+@pytest.mark.parametrize(
+    ("said", "cache_may_be_the_cause"),
+    [
+        ("clBuildProgram failed: BUILD_PROGRAM_FAILURE", True),
+        ("error: <invalid loc>: unable to open output file '/x.cl': 'No such file'", True),
+        ("error: value.cl:1:30: use of undeclared identifier", False),
+        ("<kernel>:1:30: error: use of undeclared identifier", False),
+    ],
+)
+def test_build_error_without_a_place_names_the_runtimes_cache(
+    device, kernel_copy, monkeypatch, said, cache_may_be_the_cause
+):
+    def fails(*arguments):
+        raise KernelBuildError(said)
+
+    monkeypatch.setattr(kernel_cache, "built", fails)
+    monkeypatch.setenv("POCL_CACHE_DIR", "/built")
+    pocl = dataclasses.replace(device, platform="Portable Computing Language 3.1")
+    _write_value(kernel_copy, "7")
+    with pytest.raises(KernelBuildError, match="does not compile") as raised:
+        program.build(pocl, "value.cl", Features())
+    advice = "remove /built, or let POCL_CACHE_DIR name another folder"
+    assert (advice in str(raised.value)) == cache_may_be_the_cause
 
 
 def test_build_error_shows_the_compilers_words(device, kernel_copy):

@@ -10,7 +10,7 @@ import pytest
 
 import furcl
 
-MODULES = {"bcsdf", "bench", "lights", "models", "samplers"}
+MODULES = {"bcsdf", "bench", "distributed", "lights", "models", "samplers"}
 
 
 @pytest.fixture(scope="module")

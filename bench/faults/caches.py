@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -11,12 +12,24 @@ from faults.harness import FURCL, SMALL, environment, furcl, run, told
 from furcl.image.image import Image
 
 FILES = 24
-_CRASH_CODE = (
+_CRASH = (
     "import os, signal, furcl.device.crashes as crashes\n"
     "crashes.watch()\n"
-    "os.kill(os.getpid(), signal.SIGSEGV)"
+    "{renew}os.kill(os.getpid(), signal.{signal})"
 )
-_CRASH = (FURCL[0], "-P", "-c", _CRASH_CODE)
+_ABORT = (
+    "import os, sys\n"
+    "if 'furcl.device.selftest' in sys.orig_argv:\n"
+    "    print('lib/CL/a.cc:577: Assertion `error == 0\\' failed.', flush=True)\n"
+    "    os.abort()\n"
+)
+
+
+def _crash(env: dict[str, str], signal: str, runtime: str = "") -> None:
+    """A process that ends by a signal, while it uses a runtime."""
+    renew = f"crashes.renew({runtime!r})\n" if runtime else ""
+    code = _CRASH.format(renew=renew, signal=signal)
+    assert run((FURCL[0], "-P", "-c", code), env).code < 0
 
 
 def _caches(folder: Path) -> dict[str, str]:
@@ -39,16 +52,39 @@ def _bits(folder: Path) -> bytes:
 def _crash_is_told(folder: Path, quick: bool) -> str:
     """The next command names the folder, once; a kill leaves nothing to tell."""
     env = _caches(folder)
-    crashed = run(_CRASH, env)
-    assert crashed.code < 0, f"ended with {crashed.code}"
-    ended = furcl("info", "single_fibre", env=env)
-    said = told(ended, 0, "crashed (Segmentation fault)", f"remove {folder}/pocl")
-    assert "crashed" not in furcl("info", "single_fibre", env=env).err, "told twice"
-    killed = run([part.replace("SIGSEGV", "SIGKILL") for part in _CRASH], env)
-    assert killed.code < 0
-    assert "crashed" not in furcl("info", "single_fibre", env=env).err, "a kill is told as a crash"
+
+    def next_says() -> str:
+        ended = furcl("info", "single_fibre", env=env)
+        told(ended, 0)
+        return ended.err
+
+    said = ""
+    for runtime, words in (
+        ("", f"remove {folder}/pocl, or let POCL_CACHE_DIR"),
+        ("Portable Computing Language", f"remove {folder}/pocl, or let POCL_CACHE_DIR"),
+        ("NVIDIA CUDA", "or let CUDA_CACHE_PATH"),
+        ("another", "runtime of OpenCL did"),
+    ):
+        _crash(env, "SIGSEGV", runtime)
+        said = next_says()
+        assert "crashed (Segmentation fault)" in said, said
+        assert words in said, said
+        assert "crashed" not in next_says(), "told twice"
+    assert "remove" not in said, said
+    _crash(env, "SIGKILL", "Portable Computing Language")
+    assert "crashed" not in next_says(), "a kill is told as a crash"
     assert not list((folder / "furcl" / "crashes").iterdir()), "records are left"
-    return said
+    return said.splitlines()[0]
+
+
+def _selftest_aborts(folder: Path, quick: bool) -> str:
+    """A compiler that ends the self-test: whether its cache may be the cause is told at once."""
+    (folder / "sitecustomize.py").write_text(_ABORT)
+    env = _caches(folder)
+    env["PYTHONPATH"] = f"{folder}{os.pathsep}{env['PYTHONPATH']}"
+    words = ("SIGABRT", "Assertion", f"remove {folder}/pocl, or let POCL_CACHE_DIR name another")
+    told(furcl("devices", env=env), 3, *words)
+    return told(_render(folder, env), 3, *words)
 
 
 def _pocl_cache(folder: Path, quick: bool) -> str:
@@ -87,5 +123,6 @@ def _pocl_cache(folder: Path, quick: bool) -> str:
 
 CASES = [
     Case("a crash of a runtime", _crash_is_told),
+    Case("a crash of a runtime in the self-test", _selftest_aborts),
     Case("PoCL's own cache, damaged", _pocl_cache),
 ]

@@ -1,12 +1,15 @@
 """Damaged files by the thousand: every reader ends in its own error, and in little memory.
 
-`bash bench/faults.sh mutants` reads a million; FURCL_MUTANTS=0.1 a tenth of them.
-`python -m faults.mutants KIND N SEED FOLDER` reads N of a kind and prints how many were refused.
+`bash bench/faults.sh mutants` reads 1.2 million; FURCL_MUTANTS=0.1 the first tenth of them, 0.1:0.2
+the second. `python -m faults.mutants KIND FIRST END SEED FOLDER` reads numbers FIRST to END - 1 of
+a kind and prints how many were refused.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
 import logging
 import os
 import struct
@@ -16,6 +19,7 @@ import zipfile
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,20 +28,30 @@ from faults.harness import environment, run
 from furcl.errors import (
     BenchError,
     BvhError,
+    CheckpointError,
     FurclError,
     GroomError,
     ImageError,
+    MeshError,
     SamplerError,
     SceneError,
 )
 
 QUICK = 60
 PEAK_BYTES = 512 << 20
-SHARE = float(os.environ.get("FURCL_MUTANTS", "1"))
 FOLDER = Path(tempfile.gettempdir())
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 WORDS = (0, 1, 2, 127, 255, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1)
 LETTERS = b"[]{}()=\"'.,#\\\n0123456789eE+-_ax\x00\xff"
+
+
+def part(text: str) -> tuple[float, float]:
+    """The shares at which a part of all begins and ends: "0.1:0.2"; "0.1" is the first tenth."""
+    first, _, end = text.rpartition(":")
+    return float(first or 0), float(end)
+
+
+PART = part(os.environ.get("FURCL_MUTANTS", "1"))
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
@@ -178,6 +192,164 @@ def _tables_seed() -> bytes:
     return path.read_bytes()
 
 
+def _obj(rng: np.random.Generator) -> bytes:
+    """Two triangles and a square, of one object or of two."""
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvn 0 0 1\nvt 0 0\nvt 1 0.5\n"
+    faces = ("f 1 2 3\nf 1 3 4\n", "f 1/1/1 2/2/1 3/1/1\no b\nf 1//1 3//1 4//1\n")
+    faces += ("f 1/1 2/2 3/2 4/1\n", "usemtl a\nf -4 -3 -2 \\\n-1\nf 1 2 4\n")
+    return mutated((text + faces[rng.integers(len(faces))]).encode(), rng)
+
+
+def _ply(rng: np.random.Generator) -> bytes:
+    """A square, as text or binary."""
+    kinds = ("ascii", "binary_little_endian", "binary_big_endian")
+    kind = kinds[rng.integers(len(kinds))]
+    names = ("x", "y", "z", "nx", "ny", "nz", "s", "t")[: (3, 6, 8)[rng.integers(3)]]
+    rows, faces = rng.random((4, len(names))).astype("<f4"), [[0, 1, 2], [0, 2, 3]]
+    head = f"ply\nformat {kind} 1.0\ncomment TextureFile a.png\nelement vertex 4\n"
+    head += "".join(f"property float {name}\n" for name in names)
+    head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    if kind == "ascii":
+        lines = [" ".join(f"{x:.3f}" for x in row) for row in rows.tolist()]
+        lines += [f"3 {a} {b} {c}" for a, b, c in faces]
+        return mutated(head.encode() + "\n".join(lines).encode() + b"\n", rng)
+    order = "<" if "little" in kind else ">"
+    body = b"".join(b"\x03" + np.array(face, f"{order}i4").tobytes() for face in faces)
+    return mutated(head.encode() + rows.astype(f"{order}f4").tobytes() + body, rng)
+
+
+def _texture(rng: np.random.Generator) -> bytes:
+    """PNG and JPEG."""
+    modes = ("RGB", "RGBA", "L", "LA", "P", "1", "I;16", "JPEG RGB", "JPEG L", "JPEG CMYK")
+    return mutated(_texture_seed(modes[rng.integers(len(modes))]), rng)
+
+
+@cache
+def _texture_seed(mode: str) -> bytes:
+    from PIL import Image as Pillow
+
+    file = io.BytesIO()
+    colours = np.random.default_rng(1).integers(0, 256, (9, 11, 3), np.uint8)
+    name = mode.removeprefix("JPEG ")
+    if name == "I;16":
+        picture = Pillow.fromarray(colours[..., 0].astype(np.uint16) * 257)
+    else:
+        picture = Pillow.fromarray(colours).convert(name)
+    picture.save(file, "JPEG" if mode.startswith("JPEG") else "PNG")
+    return file.getvalue()
+
+
+STORED = b"a binary, or the name of a device" * 3
+
+
+def _stored(rng: np.random.Generator) -> bytes:
+    """A kernel's binary or a verdict, in the cache."""
+    return mutated(_stored_seed(), rng)
+
+
+@cache
+def _stored_seed() -> bytes:
+    from furcl.cache import store
+
+    store(FOLDER / "seed.bin", STORED)
+    return (FOLDER / "seed.bin").read_bytes()
+
+
+def _part() -> Any:
+    """A part of a reference, as it is rendered."""
+    from furcl.image.image import Image
+
+    pixels = np.random.default_rng(1).random((6, 5, 3)).astype(np.float32)
+    return Image(pixels, stats={"device": "a", "wall_seconds": 1.5})
+
+
+def _reference(rng: np.random.Generator) -> bytes:
+    """A part of a reference of a convergence run, in the cache."""
+    return mutated(_reference_seed(), rng)
+
+
+@cache
+def _reference_seed() -> bytes:
+    from furcl.bench.convergence_reference import kept_part
+
+    kept_part(FOLDER / "seed part.exr", (6, 5), _part)
+    return (FOLDER / "seed part.exr").read_bytes()
+
+
+def _state(rng: np.random.Generator) -> bytes:
+    """What a convergence run has measured so far."""
+    names = ("seconds", "cpu_seconds", "mse_against_reference", "mse", "rmse", "relmse", "flip")
+    names += ("variance", "mean", "path_length", "hits_per_path")
+    record = dict.fromkeys(names, 0.25) | dict.fromkeys(("seed", "rays", "paths"), 7)
+    record |= {"key": "a|b|2|0", "lobes": {"R": 3}, "nonfinite": 0}
+    facts = {"reference": {"spp": 8, "mean": 0.5, "mean_error": 0.01}}
+    stored = {"scenes": {"a": facts}, "setup": {"a|b": {}}, "renders": {"a|b|2|0": record}}
+    return mutated(json.dumps(stored).encode(), rng)
+
+
+def _checkpoint(rng: np.random.Generator) -> bytes:
+    """A render that was stopped; every second file's digest is of what the damage left."""
+    from furcl.rendering.state import MAGIC
+
+    header = {"identity": {"scene": "a"}, "numbers": {"paths_done": 3}, "sizes": {"film": 16}}
+    inside = rng.random() < 0.5
+    text = json.dumps(header).encode() + b"\n" + bytes(16)
+    content = MAGIC + (mutated(text, rng) if inside else text)
+    data = content + hashlib.sha256(content).digest()
+    return data if inside else mutated(data, rng)
+
+
+def _read_mesh(path: Path) -> None:
+    from furcl.scene.mesh import MeshTable
+
+    MeshTable(file=str(path)).build("mesh.a")
+
+
+def _read_texture(path: Path) -> None:
+    from furcl.surface.mesh.texture import read_texture
+
+    read_texture(path)
+
+
+def _read_stored(path: Path) -> None:
+    """What was stored, or nothing."""
+    from furcl.cache import load
+
+    content = load(path)
+    if content is None:
+        raise BvhError("rebuilt")
+    assert content == STORED, "another content"
+
+
+def _read_reference(path: Path) -> None:
+    """As it was rendered, or rendered again."""
+    from furcl.bench.convergence_reference import kept_part
+
+    again = []
+
+    def render() -> Any:
+        again.append(True)
+        return _part()
+
+    kept = kept_part(path, (6, 5), render)
+    assert np.array_equal(kept.rgb, _part().rgb), "another picture"
+    assert kept.stats["wall_seconds"] == 1.5, "other statistics"
+    if again:
+        raise BenchError("rendered again")
+
+
+def _read_state(path: Path) -> None:
+    from furcl.bench.convergence_state import State
+
+    State(path).of_variant("a", "b")
+
+
+def _read_checkpoint(path: Path) -> None:
+    from furcl.rendering.state import read_header
+
+    read_header(path)
+
+
 def _read_groom(path: Path) -> None:
     from furcl.groom.formats import load_curves
 
@@ -252,15 +424,24 @@ KINDS: dict[str, Kind] = {
     "results": (_results, ".json", _read_results, BenchError),
     "sampler": (_header, ".clh", _read_header, SamplerError),
     "cache": (_tables, ".tables", _read_tables, BvhError),
+    "mesh obj": (_obj, ".obj", _read_mesh, MeshError),
+    "mesh ply": (_ply, ".ply", _read_mesh, MeshError),
+    "texture": (_texture, ".png", _read_texture, ImageError),
+    "stored": (_stored, ".bin", _read_stored, BvhError),
+    "reference": (_reference, ".exr", _read_reference, BenchError),
+    "state": (_state, ".json", _read_state, BenchError),
+    "checkpoint": (_checkpoint, ".checkpoint", _read_checkpoint, CheckpointError),
 }
-#: A million in all.
+#: 1.2 million in all.
 FULL = {"hair": 220_000, "npz": 110_000, "exr": 20_000, "exr light": 10_000, "hdr": 150_000}
 FULL |= {"toml": 120_000, "compare": 70_000, "override": 70_000, "results": 60_000}
-FULL |= {"sampler": 70_000, "cache": 100_000}
+FULL |= {"sampler": 70_000, "cache": 100_000, "mesh obj": 50_000, "mesh ply": 50_000}
+FULL |= {"texture": 40_000, "stored": 20_000, "reference": 5_000, "state": 20_000}
+FULL |= {"checkpoint": 20_000}
 
 
-def read_mutants(kind: str, n: int, seed: int, folder: Path) -> int:
-    """Read so many; returns how many were refused.
+def read_mutants(kind: str, first: int, end: int, seed: int, folder: Path) -> int:
+    """Read numbers `first` to `end` - 1 of a seed; returns how many were refused.
 
     Raises
     ------
@@ -269,7 +450,7 @@ def read_mutants(kind: str, n: int, seed: int, folder: Path) -> int:
     make, suffix, read, error = KINDS[kind]
     n_refused = 0
     path = folder / ("results.json" if kind == "results" else f"mutant{suffix}")
-    for index in range(n):
+    for index in range(first, end):
         path.write_bytes(make(np.random.default_rng([seed, index])))
         try:
             read(path)
@@ -285,25 +466,26 @@ def read_mutants(kind: str, n: int, seed: int, folder: Path) -> int:
 def main() -> int:
     """Read those of a kind; 1 where one goes wrong."""
     global FOLDER
-    kind, n, seed, FOLDER = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4])
+    kind, (first, end, seed), FOLDER = sys.argv[1], map(int, sys.argv[2:5]), Path(sys.argv[5])
     logging.disable()
     try:
-        n_refused = read_mutants(kind, n, seed, FOLDER)
+        n_refused = read_mutants(kind, first, end, seed, FOLDER)
     except AssertionError as error:
         print(error)
         return 1
-    print(f"{n} files, {n_refused} refused")
+    print(f"{end - first} files, {n_refused} refused")
     return 0
 
 
 def _case(kind: str, folder: Path, quick: bool) -> str:
     """Nothing but the last line is written, and no more memory taken than a process takes."""
-    n = QUICK if quick else int(FULL[kind] * SHARE)
-    if kind.startswith("exr") and quick:
-        n //= 4
+    first, end = (0, QUICK) if quick else (round(FULL[kind] * share) for share in PART)
+    if kind.startswith(("exr", "reference")) and quick:
+        end //= 4
     # numpy warns of headers that Python 2 may have written, which some damage looks like.
     quiet = ["-W", "ignore:Reading:UserWarning"]
-    module = [sys.executable, "-P", *quiet, "-m", "faults.mutants", kind, str(n), "1", str(folder)]
+    numbers = [str(first), str(end), "1"]
+    module = [sys.executable, "-P", *quiet, "-m", "faults.mutants", kind, *numbers, str(folder)]
     ended = run(module, environment())
     said = ended.out.strip().splitlines() or ["nothing"]
     assert ended.code == 0, f"code {ended.code}: {said[-1]} {ended.err.strip()[-200:]}"

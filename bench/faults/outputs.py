@@ -20,6 +20,7 @@ from furcl.scene.read import load_scene, with_overrides
 
 FILM_BYTES = 20  # of a pixel in grey: four sums, and the number of samples
 PAGE = 4096  # bytes in which a disk in memory is filled
+SIDE = 4096  # of a large film [pixels]
 MOST_FILMS = 3.0  # memory of a whole render, over that of its film
 
 # Run a command with a disk of so many bytes in a folder, and copy what is on it then to another.
@@ -82,8 +83,8 @@ def _full_while_caching(name: str, folder: Path, quick: bool) -> str:
     if name == "POCL_CACHE_DIR" and ended.code:
         return told(ended, 3, name)
     said = told(ended, 0, *([name] if name.startswith("FURCL") else []))
-    same = np.array_equal(*(Image.load(folder / p).rgb for p in ("a.exr", "whole.exr")))
-    assert same, "other bits"
+    found, whole = (Image.load(folder / name).rgb for name in ("a.exr", "whole.exr"))
+    assert np.array_equal(found, whole), "other bits"
     return f"the same bits; {said}"
 
 
@@ -159,7 +160,7 @@ def _old_folder(change: Sequence[str], folder: Path, quick: bool) -> str:
 
 def _large_film(folder: Path, quick: bool) -> str:
     """From the film on the device to the files: what that takes beside a small render."""
-    size = 512 if quick else 4096
+    size = 512 if quick else SIDE
     command = ["render", "single_fibre", "--spp", "2", "--set", "camera.vfov_deg=170"]
     small = furcl(*command, "--size", "16x16", "-o", folder / "b.exr").peak_bytes
     ended = furcl(*command, "--size", f"{size}x{size}", "-o", folder / "a.exr")
@@ -170,6 +171,34 @@ def _large_film(folder: Path, quick: bool) -> str:
     return (
         f"{size} x {size} pixels take {films:.2f} times the film, {ended.peak_bytes / 1e6:.0f} MB"
     )
+
+
+COLOUR = ("--set", "fibre.sigma_ca=[0.1, 0.2, 0.3]")
+#: What is set, the layers, and bytes of a pixel: sums of three colours have FILM_BYTES + 32, a plan
+#: has 8 and 8 a level, each sum of a layer 8, each of twelve ids 8.
+VARIANTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], int]] = {
+    "in colour": (COLOUR, (), 52),
+    "in colour, planned": ((*COLOUR, "--set", "render.allocation=adaptive"), (), 68),
+    "with layers of first hits": ((), ("alpha", "depth", "position", "normal", "strand_u"), 100),
+    "with layers of light": (COLOUR, ("albedo", "direct", "indirect"), 52 + 72),
+    "with numbers of strands": ((), ("strand", "groom", "samples"), 28),
+    "with a matte": ((), ("cryptomatte_groom",), 116),
+}
+
+
+def _other_film(name: str, folder: Path, quick: bool) -> str:
+    """As the grey film without layers: read, converted and written by strips."""
+    changes, layers, pixel_bytes = VARIANTS[name]
+    if quick:
+        return "at full size only"
+    command = ["render", "single_fibre", "--spp", "2", "--set", "camera.vfov_deg=170", *changes]
+    command += ["--set", f"film.layers={json.dumps(layers)}"]
+    small = furcl(*command, "--size", "16x16", "-o", folder / "b.exr").peak_bytes
+    ended = furcl(*command, "--size", f"{SIDE}x{SIDE}", "-o", folder / "a.exr")
+    told(ended, 0)
+    films = (ended.peak_bytes - small) / (pixel_bytes * SIDE**2)
+    assert films <= MOST_FILMS, f"{films:.2f} times the film"
+    return f"{pixel_bytes} bytes a pixel take {films:.2f} times the film"
 
 
 def _large_limit(folder: Path, quick: bool) -> str:
@@ -207,4 +236,8 @@ CASES = [
         for change in (("--seed", "2"), ("--reference-spp", "128"))
     ),
     Case("a film of 4096 x 4096 pixels", _large_film),
+    *(
+        Case(f"a film of 4096 x 4096 pixels {name}", partial(_other_film, name))
+        for name in VARIANTS
+    ),
 ]

@@ -107,7 +107,7 @@ def render_reference(
 
     shape = (renderer.film.height, renderer.film.width)
     parts = [
-        _kept(folder / f"part{k}.exr", shape, partial(render_part, k)) for k in range(N_CHUNKS)
+        kept_part(folder / f"part{k}.exr", shape, partial(render_part, k)) for k in range(N_CHUNKS)
     ]
     pictures = [part.rgb.astype(np.float64) for part in parts]
     rgb = np.mean(pictures, axis=0)
@@ -130,9 +130,14 @@ def render_reference(
     return Reference(Image(rgb.astype(np.float32), variance.astype(np.float32)), facts)
 
 
-def _kept(path: Path, shape: tuple[int, int], render_part: Callable[[], Image]) -> Image:
+def kept_part(path: Path, shape: tuple[int, int], render_part: Callable[[], Image]) -> Image:
     """A part from the cache; rendered, and kept where that is possible, if it is not there as it
-    was written."""
+    was written.
+
+    Parameters
+    ----------
+    shape : (height, width)     of its picture [pixels]
+    """
     if path.is_file():
         try:
             kept = Image.load(path)

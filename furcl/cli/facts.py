@@ -15,7 +15,6 @@ from furcl.fibre.absorption import unused_attributes
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.model import ModelTable
 from furcl.groom.curves import Curves
-from furcl.groom.formats import load_curves
 from furcl.groom.joined import Grooms
 from furcl.scene.tables import Film, Scene
 from furcl.surface.mesh.mesh import Meshes
@@ -28,16 +27,9 @@ if TYPE_CHECKING:  # facts of grooms need no OpenCL
     from furcl.fibre.material import FibreMaterial
 
 
-def of_groom(
-    path: Path, default_radius: float | None = None, radius_scale: float = 1.0
-) -> dict[str, str]:
-    """Counts, lengths, radii and bounds of a groom file, read with options of `load_curves`.
-
-    Raises
-    ------
-    GroomError      if the file cannot be used
-    """
-    return {"groom": str(path), **_of_curves(load_curves(path, default_radius, radius_scale))}
+def of_groom(path: Path, curves: Curves) -> dict[str, str]:
+    """Counts, lengths, radii, bounds and units of what was read from a groom file."""
+    return {"groom": str(path), "unit": str(curves.units), **_of_curves(curves)}
 
 
 def of_scene(scene: Scene) -> dict[str, str]:

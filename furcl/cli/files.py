@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from furcl.cli.options import DefaultRadius, DeviceName, Overrides, RadiusScale
+from furcl.cli.options import (
+    Basis,
+    DefaultRadius,
+    DeviceName,
+    Overrides,
+    PointsPerStrand,
+    RadiusScale,
+    Scale,
+    UpAxis,
+)
+
+if TYPE_CHECKING:
+    from furcl.groom.curves import Curves
 
 
 def info(
@@ -18,6 +30,10 @@ def info(
     overrides: Overrides = None,
     default_radius: DefaultRadius = None,
     radius_scale: RadiusScale = 1.0,
+    scale: Scale = 1.0,
+    up: UpAxis = None,
+    basis: Basis = "linear",
+    points_per_strand: PointsPerStrand = None,
 ) -> None:
     """Facts about a scene or a groom: counts, bounds, lobe shares, features, memory.
 
@@ -31,9 +47,10 @@ def info(
     if path.suffix.lower() != ".toml":
         if overrides:
             raise typer.BadParameter(f"--set changes scenes, and {path} is read as a groom")
-        _print_facts(facts.of_groom(path, default_radius, radius_scale))
+        options = (default_radius, radius_scale, scale, up, basis, points_per_strand)
+        _print_facts(facts.of_groom(path, _read_groom(path, *options)))
         return
-    if default_radius is not None or radius_scale != 1.0:
+    if (default_radius, radius_scale, scale, up) != (None, 1.0, 1.0, None):
         raise typer.BadParameter(
             "of a scene give --set curves.default_radius=R and --set curves.radius_scale=S"
         )
@@ -51,18 +68,40 @@ def _print_facts(facts: dict[str, str]) -> None:
         typer.echo(f"{name:<20} {value}")
 
 
+def _read_groom(path, default_radius, radius_scale, scale, up, basis, points_per_strand) -> Curves:
+    """A groom as the options say, turned to z where its file or they say what is up."""
+    from furcl.groom.formats import load_curves
+    from furcl.groom.orient import scaled, z_up
+
+    curves = load_curves(
+        path, default_radius, radius_scale, basis=basis, points_per_strand=points_per_strand
+    )
+    return z_up(scaled(curves, scale), up)
+
+
 def convert(
     source: Annotated[Path, typer.Argument(help="A groom to read.")],
     target: Annotated[Path, typer.Argument(help="A groom to write; the suffix says the format.")],
     default_radius: DefaultRadius = None,
     radius_scale: RadiusScale = 1.0,
+    scale: Scale = 1.0,
+    up: UpAxis = None,
+    basis: Basis = "linear",
+    points_per_strand: PointsPerStrand = None,
 ) -> None:
-    """Convert a groom to another format."""
-    from furcl.groom.formats import load_curves, save_curves
+    """Convert a groom to another format; docs/formats.md has what each holds.
 
-    curves = load_curves(source, default_radius, radius_scale)
+    Lengths stay what they are but for --scale. A groom whose file says that y is up, or of which
+    --up says it, is turned to z, exactly.
+    """
+    from furcl.groom.formats import save_curves
+
+    options = (default_radius, radius_scale, scale, up, basis, points_per_strand)
+    curves = _read_groom(source, *options)
     save_curves(curves, target)
-    typer.echo(f"{target}: {curves.n_strands} strands, {curves.n_points} points")
+    typer.echo(
+        f"{target}: {curves.n_strands} strands, {curves.n_points} points; unit: {curves.units}"
+    )
 
 
 def compare(

@@ -50,6 +50,23 @@ DefaultRadius = Annotated[
     float | None, typer.Option(help="Radius where a groom has none [unit of the file].")
 ]
 RadiusScale = Annotated[float, typer.Option(help="Factor on all radii of a groom.")]
+Scale = Annotated[float, typer.Option(help="Factor on all lengths of a groom.")]
+UpAxis = Annotated[
+    str | None,
+    typer.Option(
+        "--up", help="x, y or z: axis that is up, turned to z; what the file says if left out."
+    ),
+]
+Basis = Annotated[
+    str,
+    typer.Option(
+        help="What points are where a groom does not say: linear (corners), or control points: "
+        "bezier, bspline, catmull-rom."
+    ),
+]
+PointsPerStrand = Annotated[
+    int | None, typer.Option(help="Where a groom does not say where strands begin.")
+]
 
 SIZE = typer.Option("--size", help="Film size, WIDTHxHEIGHT.")
 SPP = typer.Option("--spp", min=1, help="Samples per pixel; of a benchmark, in each round.")

@@ -17,11 +17,11 @@ from furcl.cli.options import (
     SEED,
     SIZE,
     SPP,
-    DeviceName,
     Overrides,
     SceneName,
     WaveSize,
 )
+from furcl.cli.shared import Shared, sample_range
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,26 @@ def render(
     camera: Annotated[
         str | None, typer.Option(help="Name of a camera, of a scene with several.")
     ] = None,
-    device: DeviceName = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            help="Number in `furcl devices`, P:D, or part of a name; several with commas between, "
+            "or all, share the render."
+        ),
+    ] = None,
+    samples: Annotated[
+        str | None,
+        typer.Option(
+            help="FIRST:END, only these samples of each pixel, in place of --spp; see furcl merge."
+        ),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(help="Address of a Dask scheduler, whose workers share the render."),
+    ] = None,
+    part_spp: Annotated[
+        int | None, typer.Option(help="Samples per pixel in each part of a shared render.")
+    ] = None,
     time_limit: Annotated[
         float | None, typer.Option(help="Stop after so many seconds and write what is there.")
     ] = None,
@@ -80,7 +99,18 @@ def render(
     from furcl.scene.read import find_scene, load_scene
     from furcl.scene.schema import files_of
 
-    check_frames(frames, orbit, output, stats, checkpoint is not None or resume is not None)
+    keeps = checkpoint is not None or resume is not None
+    check_frames(frames, orbit, output, stats, keeps)
+    if frames is not None and samples is not None:
+        raise typer.BadParameter("--frames and --samples: an animation is rendered as it is")
+    shared = Shared.of(device, dask, part_spp)
+    if shared:
+        shared.check(
+            {
+                "--frames": frames, "--samples": samples, "--checkpoint": checkpoint,
+                "--resume": resume, "--target-rmse": target_rmse, "--target-relmse": target_relmse,
+            }
+        )  # fmt: skip
     outputs = Outputs.of(output, stats)
     outputs.check([find_scene(scene), *([sampler] if sampler else [])])
     if sampler:
@@ -115,22 +145,30 @@ def render(
                 curves = beside.submit(loaded.build_grooms)
                 from furcl.rendering.renderer import render as render_scene
 
-                image = render_scene(
-                    loaded,
-                    spp=spp,
-                    curves=curves,
-                    device=device,
-                    progress=progress,
-                    time_limit=time_limit,
-                    target_rmse=target_rmse,
-                    target_relmse=target_relmse,
-                    wave_size=wave_size,
-                    checkpoint=outputs.checkpoint,
-                    checkpoint_minutes=checkpoint,
-                    resume=resume,
-                )
+                common: dict[str, Any] = {
+                    "curves": curves,
+                    "progress": progress,
+                    "time_limit": time_limit,
+                    "wave_size": wave_size,
+                }
+                if shared:
+                    image = shared.render(loaded, **common)
+                else:
+                    image = render_scene(
+                        loaded,
+                        spp=spp,
+                        device=device,
+                        samples=sample_range(samples),
+                        target_rmse=target_rmse,
+                        target_relmse=target_relmse,
+                        checkpoint=outputs.checkpoint,
+                        checkpoint_minutes=checkpoint,
+                        resume=resume,
+                        **common,
+                    )
         outputs.write(image)
-    tell_what_was_reached(image.stats, loaded.render.spp)
+    first, end = sample_range(samples) or (0, loaded.render.spp)
+    tell_what_was_reached(image.stats, end - first)
     if interrupt.requested:
         raise interrupt.exit()
 

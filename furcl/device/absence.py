@@ -2,21 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
-from pathlib import Path
 
-POCL = "Portable Computing Language"
-
-
-def pocl_cache_folder() -> Path:
-    """Where PoCL keeps what it builds, by the environment."""
-    named = os.environ.get("POCL_CACHE_DIR")
-    if named:
-        return Path(named)
-    home = os.environ.get("HOME")
-    base = os.environ.get("XDG_CACHE_HOME") or (f"{home}/.cache" if home else "/tmp")
-    return Path(base) / "pocl" / "kcache"
+from furcl.device.runtime_caches import pocl_cache
 
 
 def pocl_cache_problem() -> tuple[str, str] | None:
@@ -24,13 +12,13 @@ def pocl_cache_problem() -> tuple[str, str] | None:
 
     Without that folder PoCL offers no device, or builds nothing.
     """
-    folder = pocl_cache_folder()
+    cache = pocl_cache()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder, prefix=".furcl-"):
+        cache.folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=cache.folder, prefix=".furcl-"):
             return None
     except OSError as error:
         return (
-            f"PoCL cannot write its cache folder {folder} ({error.strerror})",
-            "make it writable, or set POCL_CACHE_DIR to a folder that is",
+            f"PoCL cannot write its cache folder {cache.folder} ({error.strerror})",
+            f"make it writable, or set {cache.variable} to a folder that is",
         )

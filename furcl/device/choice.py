@@ -13,8 +13,9 @@ import pyopencl as cl
 
 from furcl.device import crashes
 from furcl.device import verdict as _verdict
-from furcl.device.absence import POCL, pocl_cache_problem
+from furcl.device.absence import pocl_cache_problem
 from furcl.device.forks import check_process, mark_used
+from furcl.device.runtime_caches import POCL, cache_of
 from furcl.errors import DeviceError, NoDeviceError
 from furcl.memory import little_address_space
 from furcl.values import shown
@@ -88,7 +89,12 @@ class Candidate:
         identity = f"{self.description}\n{self.runtime_version}\npyopencl {cl.VERSION_TEXT}"
         found = _verdict.of(self.address, identity, fresh=fresh)
         problem = None if found.passed or self.runtime != POCL else pocl_cache_problem()
-        return dataclasses.replace(found, reason=": ".join(problem)) if problem else found
+        if problem:
+            return dataclasses.replace(found, reason=": ".join(problem))
+        cache = cache_of(self.runtime)
+        if found.runtime_failed and cache:
+            return dataclasses.replace(found, reason=f"{found.reason}; {cache.advice}")
+        return found
 
     def rank(self) -> tuple[int, list[int], int]:
         """Sort key of RULE: smaller is better."""
@@ -157,7 +163,7 @@ def open_cl_device(device: cl.Device) -> Device:
     check_process()
     mark_used()
     context = cl.Context([device])
-    crashes.renew()
+    crashes.renew(device.platform.name.strip())
     queue = cl.CommandQueue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
     return Device(
         context=context,
@@ -257,3 +263,37 @@ def open_device(spec: str | None = None) -> Device:
     why = f"{asked_by} {wanted!r}" if wanted else f"rule: {RULE}"
     log.info("device %d: %s; %s", chosen.index, chosen.description, why)
     return open_candidate(chosen)
+
+
+def open_devices(specs: str | Sequence[str | Device]) -> list[Device]:
+    """Open several devices.
+
+    Parameters
+    ----------
+    specs : text or list    "all", those that pass the self-test, in the order of RULE; or names as
+                            `open_device` takes them, with commas between or in a list; a list may
+                            hold opened devices too
+
+    Raises
+    ------
+    NoDeviceError, DeviceError      as `open_device`; a device that is named twice; none named
+    """
+    if specs == "all":
+        passed = [c for c in list_candidates() if c.verdict().passed]
+        if not passed:
+            return [open_device("")]
+        log.info(
+            "devices: %s", "; ".join(c.description for c in sorted(passed, key=Candidate.rank))
+        )
+        return [open_candidate(c) for c in sorted(passed, key=Candidate.rank)]
+    wanted = [s.strip() for s in specs.split(",")] if isinstance(specs, str) else list(specs)
+    if not wanted or "" in wanted:
+        raise DeviceError(
+            f'devices = {shown(specs)}: expected "all", or numbers of `furcl devices`, P:D or '
+            f"parts of names, with commas between"
+        )
+    opened = [one if isinstance(one, Device) else open_device(one) for one in wanted]
+    addresses = [device.cl_device.int_ptr for device in opened if device not in wanted]
+    if len(set(addresses)) < len(addresses):
+        raise DeviceError(f"devices = {shown(specs)}: names one device twice; name each once")
+    return opened

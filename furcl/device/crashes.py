@@ -10,12 +10,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-from furcl.device.absence import pocl_cache_folder
+from furcl.device.runtime_caches import cache_of, pocl_cache
 from furcl.paths import cache_folder
 
 log = logging.getLogger(__name__)
 
-_FIRST_LINE = re.compile(r"Fatal Python error: (.+)")
+_REASON = re.compile(r"^Fatal Python error: (.+)", re.MULTILINE)
+_RUNTIME = re.compile(r"^runtime: (.+)", re.MULTILINE)
 
 # Of this process; the handler of Python keeps no reference.
 _record: IO[str] | None = None
@@ -39,11 +40,14 @@ def watch() -> None:
             faulthandler.enable(_record, all_threads=False)
 
 
-def renew() -> None:
-    """Watch again, after a runtime is loaded: LLVM puts handlers of its own before, which end the
-    process when it aborts."""
+def renew(runtime: str) -> None:
+    """Watch again, after a runtime is loaded, whose name is recorded: LLVM puts handlers of its own
+    before, which end the process when it aborts."""
     if _record is not None:
         faulthandler.disable()
+        with suppress(OSError):  # a full disk
+            _record.write(f"runtime: {runtime}\n")
+            _record.flush()
         faulthandler.enable(_record, all_threads=False)
 
 
@@ -71,12 +75,12 @@ def _runs(pid: str) -> bool:
 
 def _tell(path: Path) -> None:
     with path.open(encoding="utf-8", errors="replace") as file:
-        found = _FIRST_LINE.search(file.read(1000))
+        text = file.read(4000)
     path.unlink()
+    found, runtime = _REASON.search(text), _RUNTIME.findall(text)
     if found:  # else it was killed, or the machine went down
+        cache = cache_of(runtime[-1]) if runtime else pocl_cache()
+        advice = f". {cache.advice}" if cache else ""
         log.warning(
-            "an earlier run crashed (%s). Mostly a runtime of OpenCL did; PoCL does where its own "
-            "cache is damaged, which it does not check: if it happens again, remove %s",
-            found[1],
-            pocl_cache_folder(),
+            "an earlier run crashed (%s). Mostly a runtime of OpenCL did%s", found[1], advice
         )

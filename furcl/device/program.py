@@ -16,8 +16,10 @@ import pyopencl as cl
 from pyopencl import _cl
 
 from furcl.device import kernel_cache, layout
+from furcl.device.build_errors import DOES_NOT_COMPILE, names_a_place
 from furcl.device.choice import Device
 from furcl.device.features import Features
+from furcl.device.runtime_caches import cache_of
 from furcl.device.source import kernel_text
 from furcl.errors import KernelBuildError
 
@@ -86,9 +88,12 @@ def _build(device: Device, name: str, text: str, features: Features) -> cl.Progr
             kernel_cache.store(program, path)
     except (cl.Error, KernelBuildError) as error:
         said = with_places(str(error), text)
+        cache = None if names_a_place(said) else cache_of(device.platform)
+        advice = f"\n{cache.advice}" if cache else ""
         raise KernelBuildError(
-            f"{name} does not compile on {device.name} ({device.platform}) with "
-            f"{features.describe()}; FURCL_DUMP=DIR writes the text. The compiler says:\n{said}"
+            f"{name} {DOES_NOT_COMPILE} on {device.name} ({device.platform}) with "
+            f"{features.describe()}; FURCL_DUMP=DIR writes the text. The compiler says:\n"
+            f"{said}{advice}"
         ) from error
     log.debug("built %s in %.2f s", name, time.perf_counter() - start)
     return program

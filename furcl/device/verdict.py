@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from furcl import cache
+from furcl.device.build_errors import DOES_NOT_COMPILE, names_a_place
 from furcl.device.features import Features
 from furcl.device.source import kernel_text
 from furcl.paths import cache_folder, module_environment, python_command
@@ -56,11 +57,14 @@ class Verdict:
     passed : bool
     reason : str        one line on why it failed
     log : str           the end of what it printed
+    runtime_failed : bool   it crashed, or did not compile through no fault of the kernels, and no
+                        reason is known
     """
 
     passed: bool
     reason: str = ""
     log: str = ""
+    runtime_failed: bool = False
 
 
 def explain(output: str, code: int) -> str:
@@ -75,7 +79,16 @@ def explain(output: str, code: int) -> str:
     if any(line.startswith("Traceback (most recent call last)") for line in lines):
         return last
     errors = [line for line in lines if "error:" in line]
+    if not errors and lines and DOES_NOT_COMPILE in lines[0]:
+        return f"{lines[0].partition(DOES_NOT_COMPILE)[0]}{DOES_NOT_COMPILE}, no reason is given"
     return (errors or lines or [last])[0]
+
+
+def runtime_failed(output: str, code: int) -> bool:
+    """Whether a failed self-test ended so for no reason that lies in the kernels or is known."""
+    if any(sign in output for sign, _ in _EXPLANATIONS):
+        return False
+    return code < 0 or (DOES_NOT_COMPILE in output and not names_a_place(output))
 
 
 def _text_hash() -> str:
@@ -105,7 +118,12 @@ def _run(address: str) -> Verdict:
     output = done.stdout + done.stderr
     if done.returncode == 0:
         return Verdict(True)
-    return Verdict(False, explain(output, done.returncode), output[-8000:])
+    return Verdict(
+        False,
+        explain(output, done.returncode),
+        output[-8000:],
+        runtime_failed=runtime_failed(output, done.returncode),
+    )
 
 
 def _surroundings() -> str:

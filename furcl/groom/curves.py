@@ -13,6 +13,7 @@ from furcl.groom.attributes import Attributes, checked_values, kept_values
 from furcl.groom.close_points import squared_lengths, without_short_segments
 from furcl.groom.copies import copied_strands
 from furcl.groom.motion import checked_times, time_steps, without_short_in_all_steps
+from furcl.groom.units import NO_UNITS, Units
 
 MAX_POINTS = 2**31 - 1
 # Squares of coordinates and radii within these limits stay normal float32 numbers.
@@ -43,6 +44,7 @@ class Curves:
     attributes : mapping         name -> float32: (N,) or (N, 3) values of points, or (S,) or (S, 3)
                                  values of strands
     ignored : tuple of str       names of arrays of its file that are no attributes
+    units : Units                what its file says of units and axes
     steps : (T, N, 3) float32 or None   positions at `times`, of a groom that moves; points are
                                  those of the first. Between times points go straight
     times : tuple of T floats    increasing; of a groom that keeps still none
@@ -54,14 +56,15 @@ class Curves:
     dropped: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     attributes: Attributes = field(default_factory=lambda: MappingProxyType({}))
     ignored: tuple[str, ...] = ()
+    units: Units = NO_UNITS
     steps: NDArray[np.float32] | None = None
     times: tuple[float, ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy, which take neither a proxy of a mapping nor the flags of arrays."""
         arrays = (self._positions, self.radii, self.offsets)
-        others = dict(self.attributes), dict(self.dropped), self.ignored, self.times
-        return _frozen, (*arrays, *others)
+        named = (dict(self.attributes), dict(self.dropped), self.ignored, self.units, self.times)
+        return _frozen, (*arrays, *named)
 
     @property
     def _positions(self) -> NDArray[np.float32]:
@@ -154,6 +157,7 @@ class Curves:
                 kept_values(self.attributes, self.offsets, thinned.kept),
                 dropped,
                 self.ignored,
+                self.units,
             )
         copies = copied_strands(traced.points, traced.radii, traced.offsets)
         if not len(copies):
@@ -177,6 +181,7 @@ class Curves:
                 kept_values(self.attributes, self.offsets, thinned.kept),
                 dropped,
                 self.ignored,
+                self.units,
                 self.times,
             )
         copies = copied_strands(traced.points, traced.radii, traced.offsets, traced.steps)
@@ -196,6 +201,7 @@ class Curves:
             dict(self.attributes),
             self.dropped,
             self.ignored,
+            self.units,
             () if still else tuple(times),
         )
 
@@ -212,6 +218,7 @@ class Curves:
             kept_values(self.attributes, self.offsets, points),
             {**self.dropped, reason: self.dropped.get(reason, 0) + n_gone},
             self.ignored,
+            self.units,
             self.times,
         )
 
@@ -295,6 +302,7 @@ class Curves:
             {name: own(values) for name, values in curves.attributes.items()},
             curves.dropped,
             curves.ignored,
+            curves.units,
             curves.times,
         )
 
@@ -308,6 +316,7 @@ def adopted(
     dropped: Mapping[str, int] | None = None,
     attributes: Mapping[str, ArrayLike] | None = None,
     ignored: Sequence[str] = (),
+    units: Units = NO_UNITS,
     times: ArrayLike | None = None,
 ) -> Curves:
     """As `Curves.from_arrays`, of arrays that nobody else keeps: what fits is not copied.
@@ -337,7 +346,7 @@ def adopted(
     points, radii, offsets, values, cleaned = _clean(points, radii, offsets, values, source)
     found = {**(dropped or {}), **cleaned}
     found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
-    return _frozen(points, radii, offsets, values, found, tuple(ignored), moments)
+    return _frozen(points, radii, offsets, values, found, tuple(ignored), units, moments)
 
 
 def _all_steps(points, shape, source):
@@ -346,7 +355,16 @@ def _all_steps(points, shape, source):
     return _float32(array).reshape(len(array), *shape)
 
 
-def _frozen(points, radii, offsets, attributes, dropped, ignored=(), times=()) -> Curves:
+def _frozen(
+    points,
+    radii,
+    offsets,
+    attributes,
+    dropped,
+    ignored=(),
+    units=NO_UNITS,
+    times=(),
+) -> Curves:
     """`points` are (T, N, 3) where there are times."""
     for array in (points, radii, offsets, *attributes.values()):
         array.flags.writeable = False
@@ -354,7 +372,8 @@ def _frozen(points, radii, offsets, attributes, dropped, ignored=(), times=()) -
     values = MappingProxyType(dict(attributes))
     steps = points if times else None
     points = points[0] if times else points
-    return Curves(points, radii, offsets, MappingProxyType(counts), values, ignored, steps, times)
+    counts = MappingProxyType(counts)
+    return Curves(points, radii, offsets, counts, values, ignored, units, steps, times)
 
 
 def _shaped(points, radii, offsets, source):

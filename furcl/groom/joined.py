@@ -191,6 +191,7 @@ def placed(
         dropped=curves.dropped,
         attributes=curves.attributes,
         ignored=curves.ignored,
+        units=curves.units,
         times=times if moves else None,
     )
 

@@ -5,7 +5,6 @@ Those of generators are made from their signatures and ranges.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from typing import Annotated, Any, Literal
 
@@ -32,7 +31,7 @@ class CurvesTable(Table, frozen=True, kw_only=True, tag_field="generator"):
 
 
 class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
-    """A groom file, .hair or .npz.
+    """A groom file of one of the formats of docs/formats.md.
 
     Attributes
     ----------
@@ -41,27 +40,32 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
     default_radius : float      radius where the file has none, or only 0; without it such a file is
                                 refused [unit]
     up_axis : str               axis of the file that is up; "y" turns a groom to stand along +z,
-                                facing -y if it faced +z
+                                facing -y if it faced +z; what the file says if left out, and "z"
+                                where it says none
+    basis : str                 what the points are where the file does not say: corners of
+                                polylines, or control points of cubic curves
+    points_per_strand : int     where the file does not say where strands begin
     """
 
     file: Annotated[str, Meta(examples=["groom.hair"])]
     radius_scale: Annotated[float, Meta(gt=0.0, le=1e9)] = 1.0
     default_radius: Length | None = None
-    up_axis: Literal["y", "z"] = "z"
+    up_axis: Literal["x", "y", "z"] | None = None
+    basis: Literal["linear", "bezier", "bspline", "catmull-rom"] = "linear"
+    points_per_strand: Annotated[int, Meta(ge=2, le=65536)] | None = None
 
     def build(self) -> Curves:
         from furcl.groom.formats import load_curves
+        from furcl.groom.orient import z_up
 
-        curves = load_curves(self.file, self.default_radius, self.radius_scale)
-        if self.up_axis == "z":
-            return curves
-        steps = curves.points[None] if curves.steps is None else curves.steps
-        steps = steps[..., [0, 2, 1]]
-        steps[..., 1] *= -1.0
-        steps.flags.writeable = False
-        return dataclasses.replace(
-            curves, points=steps[0], steps=None if curves.steps is None else steps
+        curves = load_curves(
+            self.file,
+            self.default_radius,
+            self.radius_scale,
+            basis=self.basis,
+            points_per_strand=self.points_per_strand,
         )
+        return z_up(curves, self.up_axis)
 
 
 class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate"):
@@ -73,6 +77,8 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
     radius_scale : float        factor on all radii
     default_radius : float      radius where the file has none, or only 0 [unit]
     up_axis : str               axis of the file that is up, as of a file of strands
+    basis : str                 as of a file of strands
+    points_per_strand : int     as of a file of strands
     n_strands : int             children
     n_points : int              points a child; as many as guides have at most if left out
     seed : int                  of the random numbers

@@ -137,8 +137,9 @@ def _check_devices() -> Iterator[Finding]:
         )
         return
 
-    from furcl.device.absence import POCL, pocl_cache_problem
+    from furcl.device.absence import pocl_cache_problem
     from furcl.device.choice import list_candidates, platform_names
+    from furcl.device.runtime_caches import POCL
 
     candidates = list_candidates()
     problem = pocl_cache_problem() if POCL in platform_names() else None

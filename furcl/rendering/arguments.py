@@ -8,7 +8,10 @@ from typing import Any
 from furcl.errors import GroomError, SceneError
 from furcl.groom.curves import Curves
 from furcl.groom.joined import Grooms
-from furcl.values import is_number, shown
+from furcl.values import is_number, is_whole, shown
+
+#: Samples of a pixel are numbered by less than this, so that no kernel meets a sign bit.
+MOST_SAMPLES = 1 << 31
 
 Given = Curves | Grooms | Future[Curves] | Future[Grooms] | None
 """The groom or the grooms of a scene, where the caller has them or makes them."""
@@ -26,6 +29,25 @@ def check_curves(curves: Any) -> None:
             f"curves = {shown(curves)}: expected Curves; furcl.load_curves reads a file, and "
             f"Curves.from_arrays makes them of arrays."
         )
+
+
+def check_samples(samples: Any, spp: int | None) -> None:
+    """Refuse what is no range of samples, and a range beside a number of samples.
+
+    Raises
+    ------
+    SceneError
+    """
+    if samples is None:
+        return
+    pair = isinstance(samples, tuple) and len(samples) == 2 and all(map(is_whole, samples))
+    if not (pair and 0 <= samples[0] < samples[1] <= MOST_SAMPLES):
+        raise SceneError(
+            f"samples = {shown(samples)}: expected (first, end), whole numbers with "
+            f"0 <= first < end <= {MOST_SAMPLES}"
+        )
+    if spp is not None:
+        raise SceneError(f"samples = {shown(samples)} and spp = {spp}: give one of both")
 
 
 def check_stops(progress: Any, time_limit: Any) -> None:

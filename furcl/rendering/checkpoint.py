@@ -155,6 +155,7 @@ def identity(renderer: Renderer, curves: Given) -> dict[str, Any]:
         "scene": scene_digest(scene, groom),
         "size": [scene.film.width, scene.film.height],
         "render": settings,
+        "first_sample": renderer.first_sample,
         "target": renderer.target.as_dict() if renderer.target else None,
         "kernels": digest(*renderer.wavefront.texts()),
         "device": [device.name, device.platform, device.driver_version],

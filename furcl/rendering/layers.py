@@ -20,6 +20,7 @@ from furcl.device.memory import Memory, fill
 from furcl.errors import SceneError
 from furcl.groom.joined import Grooms
 from furcl.image.cryptomatte import Cryptomatte, hash_bits
+from furcl.image.size import strips
 
 Array = NDArray[np.float32]
 
@@ -240,30 +241,49 @@ class LayerBuffers:
         samples : (H, W) uint32     of each pixel
         """
         channels: dict[str, Array] = {}
-        if self.first_hits:
-            channels |= self._first_hit_channels(samples)
-        if self.light:
-            channels |= self._light_channels(samples)
-        if self.nearest:
-            channels |= self._nearest_channels(samples.shape)
-        if "samples" in self.part.names:
-            channels["samples"] = samples.astype(np.float32)
+        matted = {layer: self._matted(layer, samples.shape) for layer in self.ranks}
         attributes: dict[str, str] = {}
-        for layer, buffer in self.ranks.items():
-            found = self._cryptomatte(layer, buffer, samples)
-            channels |= found.channels
-            attributes |= found.attributes
+        for rows in strips(*samples.shape):
+            found = self._channels(rows, samples[rows])
+            for layer, names in matted.items():
+                matte = self._cryptomatte(layer, names, rows, samples[rows])
+                found |= matte.channels
+                attributes |= matte.attributes
+            for name, values in found.items():
+                if name not in channels:
+                    channels[name] = np.empty(samples.shape, np.float32)
+                channels[name][rows] = values
         return channels, attributes
 
-    def _sums(self, buffer: cl.Buffer | None, n: int, shape: tuple[int, ...]) -> Any:
-        """Sums (n, H, W)."""
+    def _channels(self, rows: slice, samples: NDArray[np.uint32]) -> dict[str, Array]:
+        """Those of some rows that are no matte."""
+        channels: dict[str, Array] = {}
+        if self.first_hits:
+            channels |= self._first_hit_channels(rows, samples)
+        if self.light:
+            channels |= self._light_channels(rows, samples)
+        if self.nearest:
+            channels |= self._nearest_channels(rows, samples.shape)
+        if "samples" in self.part.names:
+            channels["samples"] = samples.astype(np.float32)
+        return channels
+
+    def _read(
+        self, buffer: cl.Buffer | None, rows: slice, shape: tuple[int, ...], kind: Any
+    ) -> Any:
+        """What a buffer has of some rows, (H, W, ...) of 4 bytes each."""
         assert buffer is not None
-        pairs = self._memory.read(buffer, (*shape, n, 2)).astype(np.float64)
+        offset = 4 * rows.start * int(np.prod(shape[1:]))
+        return self._memory.read(buffer, shape, kind, offset=offset)
+
+    def _sums(self, buffer: cl.Buffer | None, n: int, rows: slice, shape: tuple[int, ...]) -> Any:
+        """Sums (n, H, W) of some rows."""
+        pairs = self._read(buffer, rows, (*shape, n, 2), np.float32).astype(np.float64)
         return np.moveaxis(pairs[..., 0] - pairs[..., 1], 2, 0)
 
-    def _first_hit_channels(self, samples: NDArray[np.uint32]) -> dict[str, Array]:
+    def _first_hit_channels(self, rows: slice, samples: NDArray[np.uint32]) -> dict[str, Array]:
         places = self.part.first_hit_sums()
-        sums = self._sums(self.first_hits, places["END"], samples.shape)
+        sums = self._sums(self.first_hits, places["END"], rows, samples.shape)
         hits = sums[0]
         found: dict[str, Array] = {}
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -279,10 +299,10 @@ class LayerBuffers:
                     found[name] = np.where(of > 0.0, mean, nothing).astype(np.float32)
         return found
 
-    def _light_channels(self, samples: NDArray[np.uint32]) -> dict[str, Array]:
+    def _light_channels(self, rows: slice, samples: NDArray[np.uint32]) -> dict[str, Array]:
         n = self.features.channels
         places = self.part.light_sums(n)
-        sums = self._sums(self.light, places["END"], samples.shape)
+        sums = self._sums(self.light, places["END"], rows, samples.shape)
         layers = {
             layer: places[layer.upper()]
             for layer in ("albedo", "direct", "indirect")
@@ -300,9 +320,8 @@ class LayerBuffers:
                 for i, c in enumerate("RGB")
             }
 
-    def _nearest_channels(self, shape: tuple[int, ...]) -> dict[str, Array]:
-        assert self.nearest is not None
-        strand = self._memory.read(self.nearest, (*shape, 2), np.uint32)[..., 1].astype(np.int64)
+    def _nearest_channels(self, rows: slice, shape: tuple[int, ...]) -> dict[str, Array]:
+        strand = self._read(self.nearest, rows, (*shape, 2), np.uint32)[..., 1].astype(np.int64)
         strand = np.where(strand == _NO_STRAND, 0, strand) - 1
         groom = np.searchsorted(self._first_strands, strand, side="right") - 1
         found = {"groom": groom, "strand": strand - self._first_strands[np.maximum(groom, 0)]}
@@ -312,19 +331,30 @@ class LayerBuffers:
             if name in self.part.names
         }
 
-    def _cryptomatte(
-        self, layer: str, buffer: cl.Buffer, samples: NDArray[np.uint32]
-    ) -> Cryptomatte:
-        pairs = self._memory.read(buffer, (*samples.shape, RANKED_IDS, 2), np.uint32)
-        ids, counts = pairs[..., 0].astype(np.int64) - 1, pairs[..., 1]
-        used = np.unique(ids[ids >= 0])
+    def _ids_and_counts(self, layer: str, rows: slice, shape: tuple[int, ...]) -> Any:
+        """Ids (H, W, RANKED_IDS) of some rows, -1 for none, and their samples."""
+        pairs = self._read(self.ranks[layer], rows, (*shape, RANKED_IDS, 2), np.uint32)
+        return pairs[..., 0].astype(np.int64) - 1, pairs[..., 1]
+
+    def _matted(self, layer: str, shape: tuple[int, int]) -> dict[int, str]:
+        """Id -> name of all that a matte shows."""
+        found: list[NDArray[np.int64]] = []
+        for rows in strips(*shape):
+            ids = self._ids_and_counts(layer, rows, (rows.stop - rows.start, shape[1]))[0]
+            found.append(np.unique(ids[ids >= 0]))
+        used = np.unique(np.concatenate(found))
         if layer == "cryptomatte_groom":
-            names = {int(i): self._names[i] for i in used}
-            return Cryptomatte.of("CryptoObject", names, ids, counts, samples, RANKS)
+            return {int(i): self._names[i] for i in used}
         grooms = np.searchsorted(self._first_strands, used, side="right") - 1
         own = used - self._first_strands[grooms]
-        names = {
+        return {
             int(i): f"{self._names[groom]}/{strand}"
             for i, groom, strand in zip(used, grooms, own, strict=True)
         }
-        return Cryptomatte.of("CryptoStrand", names, ids, counts, samples, RANKS)
+
+    def _cryptomatte(
+        self, layer: str, names: dict[int, str], rows: slice, samples: NDArray[np.uint32]
+    ) -> Cryptomatte:
+        ids, counts = self._ids_and_counts(layer, rows, samples.shape)
+        name = "CryptoObject" if layer == "cryptomatte_groom" else "CryptoStrand"
+        return Cryptomatte.of(name, names, ids, counts, samples, RANKS)

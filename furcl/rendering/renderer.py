@@ -16,7 +16,7 @@ from furcl.errors import SceneError
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.image.size import Window
-from furcl.rendering.arguments import Given, check_curves, check_stops
+from furcl.rendering.arguments import Given, check_curves, check_samples, check_stops
 from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
@@ -66,6 +66,7 @@ class Renderer:
     material : FibreMaterial        the first of the materials
     seconds : dict[str, float]      those of the set-up, and render [s]
     samples_done : int              whole samples a pixel, on average
+    first_sample : int              number of the first sample of every pixel; 0 with a plan
     rays, shadow_rays : int         rays of all kinds, and those to lights
     hits, misses : int              what the others met: fibres and surfaces, or nothing
     surface_hits : int              hits on surfaces
@@ -104,6 +105,7 @@ class Renderer:
         self.wave_size = self.setup.wave_size
         self.seconds = dict(self.setup.seconds)
         self.target = target
+        self.first_sample = 0
         self.plan: SamplePlan | None = None
         if self.film.plan:
             even = scene.render.allocation == "even"
@@ -139,8 +141,21 @@ class Renderer:
         """Whole samples that every pixel has, on average where they have different numbers."""
         return self.paths_done // self.n_pixels
 
-    def restart(self, seed: int) -> None:
-        """Forget all samples and their statistics; the next ones have another seed."""
+    def restart(self, seed: int, first_sample: int = 0) -> None:
+        """Forget all samples and their statistics; the next ones have another seed, and every
+        pixel begins with another of its samples.
+
+        Raises
+        ------
+        SceneError      `first_sample` above 0 where pixels take different numbers of samples
+        """
+        if first_sample and self.plan:
+            raise SceneError(
+                f"scene {self.scene.name!r}: its pixels take different numbers of samples, so none "
+                f"begins with sample {first_sample}; set render.allocation = 'even' and no target, "
+                f"or render with another seed"
+            )
+        self.first_sample = first_sample
         self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
         if self.plan:
@@ -306,7 +321,8 @@ class Renderer:
         n_paths = min(self.wave_size.paths, end - self.paths_done)
         if self.plan:
             return wave, self.plan.cut(wave, n_paths, spp)
-        wave["first_sample"], wave["first_pixel"] = divmod(self.paths_done, self.n_pixels)
+        before = self.first_sample * self.n_pixels + self.paths_done
+        wave["first_sample"], wave["first_pixel"] = divmod(before, self.n_pixels)
         wave["n_paths"] = n_paths
         return wave, min(n_paths, self.n_pixels)
 
@@ -357,6 +373,7 @@ def render(
     checkpoint: str | os.PathLike | None = None,
     checkpoint_minutes: float | None = None,
     resume: str | os.PathLike | None = None,
+    samples: tuple[int, int] | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -382,6 +399,9 @@ def render(
     resume : path or None               go on from such a file, to the bits of a render that never
                                         stopped; spp may be larger than there where all pixels take
                                         the same number of samples
+    samples : (first, end) or None      of every pixel only these of its samples, end not included:
+                                        a part of a picture, for `furcl merge`; where all pixels
+                                        take the same number, and in place of spp
 
     Returns
     -------
@@ -396,6 +416,7 @@ def render(
     """
     check_stops(progress, time_limit)
     check_checkpoints(checkpoint, checkpoint_minutes)
+    check_samples(samples, spp)
     saved = None if resume is None else read_header(resume)
     if not isinstance(scene, Scene):
         from furcl.scene.read import load_scene
@@ -404,8 +425,12 @@ def render(
     target = Target.of(target_rmse, target_relmse)
     if target and spp is None:
         spp = MOST_SPP
+    first, end = samples or (0, 0)
+    spp = end - first if samples else spp
     scene = with_overrides(scene, spp=spp, seed=seed, sampling=sampling, max_depth=max_depth)
     renderer = Renderer(scene, device, wave_size, curves=curves, target=target)
+    if first:
+        renderer.restart(scene.render.seed, first)
     log.info(
         "%s",
         summary(renderer.material, renderer.memory.total_bytes, renderer.seconds["compile"]),

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
 import numpy as np
 import pyopencl as cl
 
@@ -29,6 +30,12 @@ PIECE_BYTES = 1 << 24
 
 #: A part of the state: on the device, or on the host.
 Part = cl.Buffer | np.ndarray
+
+
+class _Header(msgspec.Struct):
+    identity: dict[str, Any]
+    numbers: dict[str, Any]
+    sizes: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -99,8 +106,12 @@ def read_header(path: str | os.PathLike[str]) -> Saved:
                 )
             _check_digest(path, file)
             file.seek(len(MAGIC))
-            header = json.loads(file.readline(MOST_HEADER_BYTES))
-        return Saved(path, header["identity"], header["numbers"], header["sizes"])
+            header = msgspec.json.decode(file.readline(MOST_HEADER_BYTES), type=_Header)
+        return Saved(path, header.identity, header.numbers, header.sizes)
+    except (ValueError, RecursionError) as error:
+        raise CheckpointError(
+            f"{path}: its header is none: {error!s:.200}; its render has to begin again"
+        ) from None
     except OSError as error:
         raise CheckpointError(f"{path}: cannot be read: {error.strerror}") from None
 

@@ -27,6 +27,7 @@ def statistics(renderer: Renderer) -> dict[str, Any]:
         "platform": renderer.device.platform,
         "driver": renderer.device.driver_version,
         "seed": renderer.scene.render.seed,
+        "first_sample": renderer.first_sample,
         "spp": renderer.samples_done,
         "sampling": renderer.scene.render.sampling,
         "sequence": renderer.features.sequence,

@@ -64,13 +64,15 @@ class MeshTable(Table, frozen=True, kw_only=True):
                 f"export it with them (vt in OBJ, s and t in PLY), or give an albedo instead"
             )
         mirrored = np.linalg.det(self.transform.as_matrix()[:3, :3]) < 0.0
+        vertices = self.transform.points(found.vertices)
+        faces = found.faces[:, ::-1] if mirrored else found.faces
+        normals = None
+        if self.smooth and found.normals is not None:
+            normals = self._turned(found.normals)
+        places = found.places if self.texture_file is not None else None
+        del found  # a copy of a large mesh
         triangles = Triangles.from_arrays(
-            self.transform.points(found.vertices),
-            found.faces[:, ::-1] if mirrored else found.faces,
-            normals=None if found.normals is None else self._turned(found.normals),
-            places=found.places if self.texture_file is not None else None,
-            smooth=self.smooth,
-            where=where,
+            vertices, faces, normals=normals, places=places, smooth=self.smooth, where=where
         )
         texture = None if self.texture_file is None else read_texture(self.texture_file)
         albedo = self.albedo

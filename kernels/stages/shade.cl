@@ -99,7 +99,7 @@ static inline Bounce scatter_at_fibre(
     const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
     bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
     bounce.weight =
-        (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.z);
+        (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.y, d.z);
 #if FURCL_LIGHT_SAMPLING
     bounce.pdf = direction_density(fibre, in, d).sum;
 #endif

@@ -93,7 +93,7 @@ __kernel void probe_sample(
     wi[i] = (float4)(frame_direction(&frame, d.x, d.y, d.z), 0.0f);
     pdf[i] = chosen.joint * lobe_terms(chosen.lobe, &fibre, &b, d.x, d.y, d.z).pdf;
     store_spectrum(weight + 3 * (size_t)i,
-                   (1.0f / chosen.joint) * lobe_value_over_pdf(chosen.lobe, &fibre, &b, d.x, d.z));
+                   (1.0f / chosen.joint) * lobe_value_over_pdf(chosen.lobe, &fibre, &b, d.x, d.y, d.z));
 }
 
 #if FURCL_LIGHT_SAMPLING

@@ -12,7 +12,8 @@ from numpy.lib import format as npy
 
 from furcl.errors import GroomError
 from furcl.groom.attributes import RESERVED, value_rows
-from furcl.groom.curves import ADVICE, Curves, adopted
+from furcl.groom.curves import ADVICE, Curves
+from furcl.groom.formats.format import Asked, Format, Strands
 from furcl.memory import require_memory
 from furcl.values import shown
 
@@ -26,7 +27,7 @@ HEADER_BYTES = 1 << 14
 MAX_DEFLATE_RATIO = 1032
 
 
-def read_npz(path: Path, default_radius: float | None = None) -> Curves:
+def read_npz(path: Path, asked: Asked) -> Strands:
     """Read an .npz groom. Nothing is ever unpickled.
 
     points (N, 3); radii (N,) or a scalar, also under the name radius; offsets (S + 1,) or
@@ -41,7 +42,8 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
     Parameters
     ----------
     path : Path                  the file
-    default_radius : float       used where the file has neither radii nor radius, or only 0
+    asked : Asked                its default_radius is used where the file has neither radii nor
+                                 radius, or only 0
 
     Raises
     ------
@@ -74,12 +76,12 @@ def read_npz(path: Path, default_radius: float | None = None) -> Curves:
             f"{path}: no array 'points'; expected points (N, 3), radii (N,) or scalar, and "
             "offsets (S+1,) or counts (S,). Save them under these names with numpy.savez."
         )
-    return adopted(
+    return Strands(
         arrays["points"],
-        _radii(arrays, default_radius, path),
+        _radii(arrays, asked.default_radius, path),
         _offsets(arrays, path),
-        source=str(path),
-        attributes=attributes,
+        str(path),
+        attributes,
         times=arrays.get("times"),
         ignored=[name.removesuffix(".npy") for name in others if name not in fitting],
     )
@@ -243,3 +245,17 @@ def _offsets(arrays, path):
             "other."
         )
     return offsets
+
+
+FORMAT = Format(
+    name="numpy's .npz",
+    suffixes=(".npz",),
+    read=read_npz,
+    write=write_npz,
+    about="Arrays by name, written by `numpy.savez` or `savez_compressed`: the neutral form.",
+    points="`points` (N, 3) with `offsets` (S + 1,) or `counts` (S,); or `points` (S, K, 3), S "
+    "strands of K points",
+    radius="`radii` (N,), (S, K) or a scalar, also called `radius`",
+    kept="every other array of numbers, (N,), (N, 3), (S,) or (S, 3)",
+    left_out="arrays of other shapes are named by `furcl info`. Nothing is unpickled.",
+)

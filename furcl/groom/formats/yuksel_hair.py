@@ -12,7 +12,8 @@ from typing import BinaryIO
 import numpy as np
 
 from furcl.errors import GroomError
-from furcl.groom.curves import ADVICE, Curves, adopted
+from furcl.groom.curves import ADVICE, Curves
+from furcl.groom.formats.format import Asked, Format, Strands
 from furcl.memory import require_memory
 
 log = logging.getLogger(__name__)
@@ -35,7 +36,7 @@ ALL_ARRAYS = 31
 MAX_SEGMENTS = 65535
 
 
-def read_hair(path: Path, default_radius: float | None = None) -> Curves:
+def read_hair(path: Path, asked: Asked) -> Strands:
     """Read a .hair file.
 
     The size that the header announces is compared with the file's before anything is allocated.
@@ -45,12 +46,13 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
     Parameters
     ----------
     path : Path                  the file
-    default_radius : float       used where the file holds no thickness but 0
+    asked : Asked                its default_radius is used where the file holds no thickness but 0
 
     Raises
     ------
     GroomError                   the file's name, the byte offset or strand, and a remedy
     """
+    default_radius = asked.default_radius
     with path.open("rb") as file:
         header = _read_header(file, path)
         sizes = _array_sizes(header)
@@ -72,7 +74,7 @@ def read_hair(path: Path, default_radius: float | None = None) -> Curves:
             colours = _read(file, "<f4", 3 * n_points, path).reshape(n_points, 3)
     dropped = {"transparency_values": n_points if sizes["transparency"] else 0}
     named = {} if colours is None else {"colours": colours}
-    return adopted(points, radii, offsets, source=str(path), attributes=named, dropped=dropped)
+    return Strands(points, radii, offsets, str(path), named, dropped)
 
 
 def write_hair(curves: Curves, file: BinaryIO, path: Path) -> None:
@@ -224,3 +226,18 @@ def _default_radius(header, default_radius, path):
             f"a positive one is needed. {ADVICE}"
         )
     return default_radius
+
+
+FORMAT = Format(
+    name="Yuksel's .hair",
+    suffixes=(".hair",),
+    read=read_hair,
+    write=write_hair,
+    about="Cem Yuksel's binary files (cemyuksel.com/research/hairmodels), little endian, which "
+    "many programs of research read and write.",
+    points="the points of a strand, joined by straight segments, at most 65,536",
+    radius="half of the thickness of a point, or of the header's default",
+    kept="colours of points",
+    left_out="transparency is counted and left out; other attributes are not written. Sizes that "
+    "do not add up to the file's are refused.",
+)

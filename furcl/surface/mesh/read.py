@@ -13,8 +13,12 @@ from numpy.typing import NDArray
 
 from furcl.errors import MeshError
 from furcl.files import check_regular, named
+from furcl.memory import require_memory
 
 Array = NDArray[np.float64]
+
+# Bytes that reading takes for each of a file's, of 10^5 and more.
+PEAK, ASCII_PLY_PEAK = 10, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +58,14 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
         )
     try:
         check_regular(path)
-        objects = reader(path)
+        require_memory(path, peak_bytes(path), MeshError)
+        with np.errstate(all="ignore"):  # numpy would print what damage does to trimesh's sums
+            objects = reader(path)
+            objects = [o for o in objects if len(o.get("faces", ())) and len(o.get("vertices", ()))]
+            if objects:
+                return _joined(objects)
+    except (MemoryError, MeshError):
+        raise
     except OSError as error:
         raise MeshError(f"{path}: cannot be read: {error.strerror}; give a mesh") from None
     except Exception as error:  # whatever a damaged file makes of trimesh
@@ -62,10 +73,15 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
             f"{path}: is no {path.suffix.lower()} file that trimesh reads: {error!s:.200}; export "
             f"it again"
         ) from None
-    objects = [o for o in objects if len(o.get("faces", ())) and len(o.get("vertices", ()))]
-    if not objects:
-        raise MeshError(f"{path}: has no triangles; give a file with faces")
-    return _joined(objects)
+    raise MeshError(f"{path}: has no triangles; give a file with faces")
+
+
+def peak_bytes(path: Path) -> int:
+    """What reading a mesh file takes at most, with the checks of Triangles.from_arrays [bytes]."""
+    with path.open("rb") as file:
+        head = file.read(64)
+    is_text = head.startswith(b"ply") and b"ascii" in head
+    return path.stat().st_size * (ASCII_PLY_PEAK if is_text else PEAK)
 
 
 def _read_obj(path: Path) -> list[dict[str, Any]]:
@@ -94,15 +110,23 @@ def _joined(objects: list[dict[str, Any]]) -> MeshArrays:
         faces.append(np.asarray(triangulate_quads(each["faces"]), np.int64) + first)
         first += len(each["vertices"])
     uv = [getattr(each.get("visual"), "uv", None) for each in objects]
+    vertices = np.concatenate([_columns(each["vertices"], 3, "vertices") for each in objects])
     return MeshArrays(
-        np.concatenate([np.asarray(each["vertices"], np.float64) for each in objects]),
+        vertices,
         np.concatenate(faces),
-        _all_or_none([each.get("vertex_normals") for each in objects]),
-        _all_or_none(uv),
+        _all_or_none([each.get("vertex_normals") for each in objects], 3, "normals"),
+        _all_or_none(uv, 2, "texture coordinates"),
     )
 
 
-def _all_or_none(arrays: list[Any]) -> Array | None:
+def _all_or_none(arrays: list[Any], width: int, what: str) -> Array | None:
     if any(array is None for array in arrays):
         return None
-    return np.concatenate([np.asarray(array, np.float64) for array in arrays])
+    return np.concatenate([_columns(array, width, what) for array in arrays])
+
+
+def _columns(array: Any, width: int, what: str) -> Array:
+    found = np.asarray(array, np.float64)
+    if found.ndim != 2 or found.shape[1] != width:
+        raise ValueError(f"{what} have the shape {found.shape}, expected is (m, {width})")
+    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import MeshError
 
+# Triangles that are worked on at a time: what that takes does not grow with the mesh.
+BLOCK = 1 << 15
 #: Largest coordinate: products of three of them stay within float32, as areas have to.
 MAX_MAGNITUDE = 1e9
 
@@ -72,38 +74,38 @@ class Triangles:
                         values that are not finite or too large
         """
         points, indices = _checked(vertices, faces, where)
-        corners = points.astype(np.float32)[indices]
-        has_area = _doubled_areas(corners) > 0.0
+        corners = points[indices]
+        has_area = _has_area(corners)
         if not has_area.any():
             raise MeshError(
                 f"{where}: all {len(corners)} triangles have their corners on a line: there is "
                 f"nothing to see; check the file, and the scale of its transform"
             )
         dropped = {"triangles without an area": int((~has_area).sum())}
-        corners, indices = corners[has_area], indices[has_area]
-        kept = (
-            _at_corners(normals, indices, len(points), 3, f"{where}: normals") if smooth else None
+        if not has_area.all():
+            corners, indices = corners[has_area], indices[has_area]
+        of_vertices = _of_vertices(
+            normals if smooth else None, indices, points, f"{where}: normals"
         )
-        uv = _at_corners(places, indices, len(points), 2, f"{where}: texture coordinates")
-        identity = _positions(corners)
+        uv = _of_vertices(places, indices, points, f"{where}: texture coordinates", 2)
+        identity = _positions(points)[indices]
+        sign = 1.0
         if _is_closed(identity) and _volume(corners) < 0.0:
             dropped["triangles turned inside out"] = len(corners)
-            corners, identity = corners[:, ::-1], identity[:, ::-1]
-            kept = None if kept is None else -kept[:, ::-1]
-            uv = None if uv is None else uv[:, ::-1]
-        if smooth:
-            kept = _unit_or(kept, _smooth_normals(corners, identity))
+            sign = -1.0
+            corners = np.ascontiguousarray(corners[:, ::-1])
+            indices, identity = indices[:, ::-1], identity[:, ::-1]
         return cls(
-            np.ascontiguousarray(corners),
-            None if kept is None else np.ascontiguousarray(kept, np.float32),
-            None if uv is None else np.ascontiguousarray(uv, np.float32),
+            corners,
+            _corner_normals(of_vertices, sign, indices, corners, identity) if smooth else None,
+            None if uv is None else uv.astype(np.float32)[indices],
             {name: count for name, count in dropped.items() if count},
         )
 
     @property
     def is_closed(self) -> bool:
         """Whether every edge is shared by two triangles that run along it in opposite ways."""
-        return _is_closed(_positions(self.corners))
+        return _is_closed(_positions(self.corners.reshape(-1, 3)).reshape(-1, 3))
 
     def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Lower and upper corner of the box around all triangles, (3,) each."""
@@ -113,7 +115,8 @@ class Triangles:
 
 def _checked(
     vertices: ArrayLike, faces: ArrayLike, where: str
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Positions of the vertices, and the vertices of the triangles."""
     points, indices = np.asarray(vertices, np.float64), np.asarray(faces)
     if indices.size == 0 or points.size == 0:
         raise MeshError(
@@ -135,33 +138,44 @@ def _checked(
         )
     used = np.zeros(len(points), bool)
     used[indices] = True
-    with np.errstate(invalid="ignore"):
-        bad = used & ~(np.abs(points) <= MAX_MAGNITUDE).all(axis=1)
+    bad = used & ~((points <= MAX_MAGNITUDE) & (points >= -MAX_MAGNITUDE)).all(axis=1)
     if bad.any():
         vertex = int(np.flatnonzero(bad)[0])
         raise MeshError(
             f"{where}: vertex {vertex} is at {tuple(points[vertex].tolist())}; finite coordinates "
             f"up to {MAX_MAGNITUDE:g} are allowed; correct the file, or scale it by its transform"
         )
-    return np.where(used[:, None], points, 0.0), indices.astype(np.int64)
+    with np.errstate(over="ignore", invalid="ignore"):  # of vertices that are not used
+        return points.astype(np.float32), indices.astype(np.int64, copy=False)
 
 
-def _at_corners(
-    values: ArrayLike | None, indices: NDArray[np.int64], n: int, width: int, where: str
+def _of_vertices(
+    values: ArrayLike | None,
+    indices: NDArray[np.int64],
+    points: NDArray[np.float32],
+    where: str,
+    width: int = 3,
 ) -> NDArray[np.float64] | None:
-    """Values of vertices at the corners of triangles."""
+    """Values of vertices, finite where a triangle uses them."""
     if values is None:
         return None
     array = np.asarray(values, np.float64)
-    if array.shape != (n, width):
-        raise MeshError(f"{where} have the shape {array.shape}; expected {(n, width)}")
-    found = array[indices]
-    if not np.isfinite(found).all():
-        vertex = int(indices[~np.isfinite(found).all(axis=2)][0])
+    if array.shape != (len(points), width):
+        raise MeshError(f"{where} have the shape {array.shape}; expected {(len(points), width)}")
+    used = np.zeros(len(points), bool)
+    used[indices] = True
+    bad = used & ~np.isfinite(array).all(axis=1)
+    if bad.any():
+        vertex = int(np.flatnonzero(bad)[0])
         raise MeshError(
             f"{where}: that of vertex {vertex} is {array[vertex].tolist()}; correct the file"
         )
-    return found
+    return array
+
+
+def _blocks(n: int) -> Iterator[slice]:
+    for start in range(0, n, BLOCK):
+        yield slice(start, start + BLOCK)
 
 
 def _crosses(corners: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -169,55 +183,84 @@ def _crosses(corners: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.cross(b - a, c - a)
 
 
-def _doubled_areas(corners: NDArray[np.float32]) -> NDArray[np.float64]:
-    return np.linalg.norm(_crosses(corners), axis=1)
+def _has_area(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
+    out = np.empty(len(corners), bool)
+    for block in _blocks(len(corners)):
+        out[block] = np.linalg.norm(_crosses(corners[block]), axis=1) > 0.0
+    return out
 
 
-def _positions(corners: NDArray[np.float32]) -> NDArray[np.int64]:
-    """A number (n, 3) for each corner, the same for corners at the same place."""
-    flat = np.ascontiguousarray(corners.reshape(-1, 3) + np.float32(0.0))  # -0 becomes 0
-    keys = flat.view(np.dtype((np.void, flat.itemsize * 3))).ravel()
-    return np.unique(keys, return_inverse=True)[1].reshape(-1, 3)
+def _positions(points: NDArray[np.float32]) -> NDArray[np.int64]:
+    """A number (m,) for each point, the same for points at the same place."""
+    order = np.lexsort(points.T)
+    differs = np.zeros(len(points), np.int64)
+    for axis in range(3):
+        along = points[order, axis]
+        differs[1:] |= along[1:] != along[:-1]
+    out = np.empty_like(order)
+    out[order] = np.cumsum(differs, out=differs)
+    return out
 
 
 def _is_closed(identity: NDArray[np.int64]) -> bool:
-    edges = np.stack([identity, np.roll(identity, -1, axis=1)], axis=2).reshape(-1, 2)
     n = identity.max() + 1
-    forth, back = edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]
-    return bool((np.sort(forth) == np.sort(back)).all() and len(np.unique(forth)) == len(forth))
+    forth = (identity * n + np.roll(identity, -1, axis=1)).ravel()
+    forth.sort()
+    if (forth[1:] == forth[:-1]).any():
+        return False
+    back = (np.roll(identity, -1, axis=1) * n + identity).ravel()
+    back.sort()
+    return bool((forth == back).all())
 
 
 def _volume(corners: NDArray[np.float32]) -> float:
     centre = corners.reshape(-1, 3).mean(axis=0, dtype=np.float64)
-    a, b, c = np.moveaxis(corners.astype(np.float64) - centre, 1, 0)
-    return float((a * np.cross(b, c)).sum() / 6.0)
+    volume = 0.0
+    for block in _blocks(len(corners)):
+        a, b, c = np.moveaxis(corners[block].astype(np.float64) - centre, 1, 0)
+        volume += float((a * np.cross(b, c)).sum())
+    return volume / 6.0
 
 
-def _smooth_normals(
-    corners: NDArray[np.float32], identity: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    faces = _unit(_crosses(corners))
-    ways = np.roll(corners, -1, axis=1).astype(np.float64) - corners
-    along = ways / np.maximum(np.linalg.norm(ways, axis=2, keepdims=True), 1e-300)
-    cosines = -(along * np.roll(along, 1, axis=1)).sum(axis=2)
-    angles = np.arccos(np.clip(cosines, -1.0, 1.0))
+def _corner_normals(
+    of_vertices: NDArray[np.float64] | None,
+    sign: float,
+    indices: NDArray[np.int64],
+    corners: NDArray[np.float32],
+    identity: NDArray[np.int64],
+) -> NDArray[np.float32]:
+    """Those of the vertices times a sign; where they are none or have no length, smooth ones."""
+    sums = _smooth_sums(corners, identity)
+    out = np.empty_like(corners)
+    for block in _blocks(len(corners)):
+        faces = _unit(_crosses(corners[block]))[:, None]
+        found = _unit_or(sums[identity[block]], faces)
+        if of_vertices is not None:
+            found = _unit_or(sign * of_vertices[indices[block]], found)
+        out[block] = found
+    return out
+
+
+def _smooth_sums(corners: NDArray[np.float32], identity: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Normals of the triangles around each position, weighed by their angles."""
     sums = np.zeros((identity.max() + 1, 3))
-    for corner in range(3):
-        for axis in range(3):
-            sums[:, axis] += np.bincount(
-                identity[:, corner], angles[:, corner] * faces[:, axis], len(sums)
-            )
-    return _unit_or(sums[identity], np.broadcast_to(faces[:, None], corners.shape))
+    for block in _blocks(len(corners)):
+        faces, ids = _unit(_crosses(corners[block])), identity[block]
+        ways = np.roll(corners[block], -1, axis=1).astype(np.float64) - corners[block]
+        along = ways / np.maximum(np.linalg.norm(ways, axis=2, keepdims=True), 1e-300)
+        cosines = -(along * np.roll(along, 1, axis=1)).sum(axis=2)
+        angles = np.arccos(np.clip(cosines, -1.0, 1.0))
+        for corner in range(3):
+            np.add.at(sums, ids[:, corner], angles[:, corner, None] * faces)
+    return sums
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def _unit_or(vectors: NDArray[np.float64] | None, instead: NDArray) -> NDArray[np.float64]:
-    """Vectors at unit length; others in place of those that have none, or where there are none."""
-    if vectors is None:
-        return instead
+def _unit_or(vectors: NDArray[np.float64], instead: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors at unit length; others in place of those that have none."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     has_length = lengths > 1e-12
     return np.where(has_length, vectors / np.where(has_length, lengths, 1.0), instead)

@@ -1,0 +1,68 @@
+"""Grooms in other units and axes."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from furcl.errors import GroomError
+from furcl.groom.curves import Curves, adopted
+from furcl.groom.units import Units
+from furcl.values import is_number, shown
+
+#: Columns and signs that turn a groom so that an axis of it becomes z.
+_TURNS = {"x": ((1, 2, 0), (1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
+UP_AXES = tuple(_TURNS)
+
+
+def z_up(curves: Curves, up_axis: str | None = None) -> Curves:
+    """A groom turned to stand along +z, exactly; one with y up that faced +z faces -y.
+
+    Parameters
+    ----------
+    up_axis : str       "x", "y" or "z"; None: what its file says, and z where that says none
+
+    Raises
+    ------
+    GroomError          another axis
+    """
+    axis = up_axis or curves.units.up_axis or "z"
+    if axis not in _TURNS:
+        raise GroomError(f"up axis = {shown(axis)}; it must be one of {', '.join(_TURNS)}.")
+    columns, signs = _TURNS[axis]
+    units = Units(curves.units.metres, "z" if up_axis or curves.units.up_axis else None)
+    points, steps = curves.points, curves.steps
+    if axis != "z":
+        moves = steps is not None
+        turned = (steps if moves else points)[..., columns] * np.array(signs, np.float32)
+        turned.flags.writeable = False
+        points, steps = (turned[0], turned) if moves else (turned, None)
+    return dataclasses.replace(curves, points=points, steps=steps, units=units)
+
+
+def scaled(curves: Curves, factor: float) -> Curves:
+    """A groom all of whose lengths are multiplied by a factor > 0.
+
+    Raises
+    ------
+    GroomError          another factor, or one that makes lengths that no groom has
+    """
+    if not is_number(factor) or not 0.0 < factor < float("inf"):
+        raise GroomError(f"scale = {shown(factor)}; it must be positive and finite. Correct it.")
+    if factor == 1.0:
+        return curves
+    with np.errstate(over="ignore", under="ignore"):
+        points = (curves.points if curves.steps is None else curves.steps) * np.float32(factor)
+        radii = curves.radii * np.float32(factor)
+    return adopted(
+        points,
+        radii,
+        curves.offsets,
+        source=f"scale = {factor:g}",
+        dropped=curves.dropped,
+        attributes=curves.attributes,
+        ignored=curves.ignored,
+        units=curves.units.scaled(factor),
+        times=curves.times or None,
+    )

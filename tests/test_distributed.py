@@ -1,0 +1,266 @@
+"""Renders that several devices or machines share: the same bits, nothing lost with one of them."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scene_documents import fur_patch
+
+import furcl
+from furcl.device.choice import Device, open_cl_device, open_devices
+from furcl.distributed import devices, parts
+from furcl.distributed.devices import render_on
+from furcl.errors import DeviceError, SceneError
+from furcl.image.image import Image
+from furcl.rendering.renderer import Renderer
+from furcl.scene.read import with_overrides
+from furcl.scene.tables import Scene
+
+# By range of samples, with what is learned in each; by seed.
+KINDS = {
+    "even": {"roulette": "adjoint", "light_sampling": "mis", "sequence": "sobol"},
+    "adaptive": {"allocation": "adaptive", "light_sampling": "mis"},
+}
+PART_SPP = 6
+
+
+def _scene(**render: Any) -> Scene:
+    return with_overrides(fur_patch({"preset": "human-black"}, spp=20, **render), size=(24, 16))
+
+
+@pytest.fixture(scope="module")
+def two(device: Device) -> list[Device]:
+    """Two devices, as far as contexts and queues go."""
+    return [open_cl_device(device.cl_device) for _ in range(2)]
+
+
+@pytest.fixture(scope="module")
+def alone(device: Device) -> dict[str, Image]:
+    """The picture of each kind, by one device that takes one part after the other."""
+    found = {}
+    for kind, render in KINDS.items():
+        scene = with_overrides(_scene(**render), spp=PART_SPP)
+        renderer, merging = Renderer(scene, device), parts.Merging()
+        for part in parts.parts_of(_scene(**render), PART_SPP):
+            merging.add(part, parts.render_part(renderer, part))
+        image = merging.image()
+        assert image is not None
+        found[kind] = image
+    return found
+
+
+def _bits(image: Image) -> bytes:
+    assert image.variance is not None
+    assert image.samples is not None
+    return image.rgb.tobytes() + image.variance.tobytes() + image.samples.tobytes()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_devices_share_a_render_to_the_same_bits(kind, two, alone):
+    seen = []
+    image = render_on(
+        _scene(**KINDS[kind]), two, part_spp=PART_SPP, progress=lambda *n: seen.append(n)
+    )
+    assert _bits(image) == _bits(alone[kind])
+    assert image.stats["complete"]
+    assert len(image.stats["parts"]) == 4
+    assert image.stats["paths"] == 20 * 24 * 16
+    assert {total for _, total in seen} == {20 * 24 * 16}
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
+
+
+def test_the_picture_is_that_of_the_scene(alone, device):
+    """Parts of the even kind are the samples of a whole render but for what is learned; the others
+    have seeds of their own: both within the errors of both."""
+    for kind, render in KINDS.items():
+        whole, found = furcl.render(_scene(**render), device=device), alone[kind]
+        assert whole.variance is not None
+        assert found.variance is not None
+        error = np.sqrt(float((whole.variance + found.variance).sum(dtype=np.float64)))
+        # Of the sum over all pixels, an upper bound with Sobol numbers: alpha 1e-3, two of them.
+        assert abs(float((found.rgb - whole.rgb).sum(dtype=np.float64))) < 3.5 * error
+
+
+@pytest.mark.parametrize(
+    ("spp", "part_spp", "expected"),
+    [(20, 6, [6, 6, 6, 2]), (5, None, [5]), (40, None, [16, 16, 8]), (6400, None, [100] * 64)],
+)
+def test_parts_are_all_samples_once(spp, part_spp, expected):
+    found = parts.parts_of(_scene_of(spp, "even"), part_spp)
+    assert [part.spp for part in found] == expected
+    assert [part.first for part in found] == [sum(expected[:i]) for i in range(len(expected))]
+    assert {part.seed for part in found} == {0}
+    found = parts.parts_of(_scene_of(spp, "adaptive"), part_spp)
+    assert [part.spp for part in found] == expected
+    assert {part.first for part in found} == {0}
+    assert len({part.seed for part in found}) == len(found)
+    assert found[0].seed == 0
+
+
+def _scene_of(spp: int, allocation: str) -> Scene:
+    return fur_patch({"preset": "human-black"}, spp=spp, allocation=allocation)
+
+
+@pytest.mark.parametrize("part_spp", [0, -1, 1.5, "4", True])
+def test_what_is_no_number_of_samples_is_refused(part_spp):
+    with pytest.raises(SceneError, match="part_spp"):
+        parts.parts_of(_scene(), part_spp)
+
+
+class _Failing:
+    """`render_part` that fails on a device after some parts, as a lost device does. Others wait
+    until then, or nothing would be left for it."""
+
+    def __init__(self, device: Device, after: int) -> None:
+        self.device, self.after, self.failed = device, after, threading.Event()
+
+    def __call__(self, renderer: Renderer, part: parts.Part, progress: Any) -> Image:
+        if renderer.device is self.device:
+            self.after -= 1
+            if self.after < 0:
+                self.failed.set()
+                raise RuntimeError("device lost")
+        else:
+            self.failed.wait()
+        return parts.render_part(renderer, part, progress)
+
+
+@pytest.mark.parametrize("after", [0, 1])
+def test_a_device_that_fails_costs_its_part_alone(after, two, alone, monkeypatch, caplog):
+    monkeypatch.setattr(devices, "render_part", _Failing(two[0], after))
+    image = render_on(_scene(**KINDS["even"]), two, part_spp=PART_SPP)
+    assert _bits(image) == _bits(alone["even"])
+    assert image.stats["complete"]
+    assert "is left out: device lost" in caplog.text
+
+
+def test_where_all_devices_fail_the_first_says_why(two, monkeypatch):
+    def fails(*_: Any) -> Image:
+        raise RuntimeError("device lost")
+
+    monkeypatch.setattr(devices, "render_part", fails)
+    with pytest.raises(RuntimeError, match="device lost"):
+        render_on(_scene(), two, part_spp=PART_SPP)
+
+
+def test_a_device_that_stands_still_does_not_stall_the_end(two, alone, monkeypatch):
+    """The first device never gets on with its part; the other takes that too, and sets it free."""
+    stalled = threading.Event()
+
+    def render_part(renderer: Renderer, part: parts.Part, progress: Any) -> Image:
+        if renderer.device is two[0]:
+            stalled.set()
+            while not progress(0, 1):
+                pass
+        else:
+            stalled.wait()
+        return parts.render_part(renderer, part, progress)
+
+    monkeypatch.setattr(devices, "render_part", render_part)
+    image = render_on(_scene(**KINDS["even"]), two, part_spp=PART_SPP)
+    assert _bits(image) == _bits(alone["even"])
+
+
+def test_a_stopped_render_has_the_samples_so_far(two):
+    image = render_on(
+        _scene(), two, part_spp=PART_SPP, wave_size=200, progress=lambda done, _: done > 1500
+    )
+    assert not image.stats["complete"]
+    assert image.samples is not None
+    assert 1500 < image.samples.sum() < 20 * 24 * 16
+    assert np.isfinite(image.rgb).all()
+
+
+def test_several_devices_by_name(device):
+    assert [d.name for d in open_devices("all")]
+    assert open_devices([device]) == [device]
+    index = str(_index_of(device))
+    assert open_devices(index)[0].name == device.name
+    with pytest.raises(DeviceError, match="names one device twice"):
+        open_devices(f"{index},{index}")
+    for nothing in ("", "0,", []):
+        with pytest.raises(DeviceError, match="with commas between"):
+            open_devices(nothing)
+
+
+def _index_of(device: Device) -> int:
+    from furcl.device.choice import list_candidates
+
+    return next(c.index for c in list_candidates() if c.name == device.name)
+
+
+# A cluster
+
+
+def _lit_by_an_image(folder: Path) -> Scene:
+    """A scene that names a file, which is gone when workers need it."""
+    light = np.ones((4, 8, 3), np.float32)
+    light[1, 3] = 30.0
+    Image(light).save(folder / "light.exr")
+    scene = _scene(**KINDS["even"])
+    environment = f'environment={{kind="image", file="{folder / "light.exr"}"}}'
+    return with_overrides(scene, [environment])
+
+
+def test_a_job_carries_the_files_of_its_scene(tmp_path, device):
+    from furcl.distributed.cluster import Job
+
+    scene = with_overrides(_lit_by_an_image(tmp_path), spp=2)
+    job = Job.of(scene, scene.build_grooms(), None, None)
+    whole = furcl.render(scene, device=device)
+    (tmp_path / "light.exr").unlink()
+    (tmp_path / "worker").mkdir()
+    found = furcl.render(job.scene(tmp_path / "worker"), curves=job.grooms, device=device)
+    assert _bits(found) == _bits(whole)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_bits_and_a_lost_worker_costs_nothing(
+    cluster, alone, tmp_path, device
+):
+    from furcl.distributed import render
+
+    scene = _scene(**KINDS["even"])
+    options = {"part_spp": PART_SPP, "device": str(_index_of(device))}
+    image = render(scene, cluster, **options)
+    assert _bits(image) == _bits(alone["even"])
+    assert image.stats["complete"]
+
+    def kill_one(done: int, total: int) -> bool:
+        """A worker ends without a word as soon as one part is there."""
+        if not killed:
+            workers = list(cluster.scheduler_info()["workers"])
+            pid = cluster.run(_process, workers=workers[:1])[workers[0]]
+            os.kill(pid, signal.SIGKILL)
+            killed.append(pid)
+        return False
+
+    killed: list[int] = []
+    image = render(scene, cluster, progress=kill_one, **options)
+    assert len(killed) == 1
+    assert _bits(image) == _bits(alone["even"])
+
+    lit = _lit_by_an_image(tmp_path)
+    found = render(lit, cluster, **options)
+    np.testing.assert_array_equal(found.samples, 20)
+    with pytest.raises(DeviceError, match="nowhere"):
+        render(scene, cluster, part_spp=PART_SPP, device="nowhere")
+
+
+def _process() -> int:
+    return os.getpid()
