@@ -15,6 +15,7 @@ import ladder_tables
 import model_tables
 import paper_size_tables
 import render_tables
+import sharing_tables
 import stability_tables
 from tables import filled
 
@@ -27,6 +28,7 @@ DOCUMENTS = {
     | paper_size_tables.TABLES
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
+    "sharing.md": sharing_tables.TABLES,
 }
 
 

@@ -6,20 +6,6 @@ from __future__ import annotations
 
 from tables import circumstances, driver, load, runs, table
 
-# M paths/s on hair10k and fur100k, by light sampling at every vertex. Measured with those renderers
-# for this comparison and entered on 2026-11-22: AMD Zen 5 virtual machine, 2 cores, no GPU,
-# Debian 12; 128 x 128 pixels, 16 bounces, no roulette, a constant environment and a square lamp, a
-# diffuse scalp. No command of this tree measures them again.
-PEERS = {
-    "Mitsuba 3.9.1 llvm_ad_rgb, linearcurve": ("0.28-0.31", "0.27"),
-    "Mitsuba 3.9.1 llvm_ad_rgb, bsplinecurve": ("0.25-0.28", "0.20"),
-    "Mitsuba 3.9.1 scalar_rgb, bsplinecurve": ("0.15", "0.12"),
-    "Cycles (bpy 4.5) ribbons, Chiang": ("0.16-0.18", "0.12"),
-    "Cycles (bpy 4.5) thick curves, Chiang": ("0.12", "0.08"),
-    "Cycles (bpy 4.5) ribbons, Huang": ("0.08-0.09", "0.07"),
-    "LuxCore 2.11 PATHCPU, ribbons as triangles": ("0.25-0.40", "0.31-0.34"),
-}
-
 
 def end_to_end() -> str:
     """Whole renders beside the intersect kernels on the same rays."""
@@ -60,23 +46,29 @@ def stages() -> str:
 
 
 def peers() -> str:
-    """Paths a second on the peers' grooms, beside the peers'."""
-    rows = [[name, "", *figures] for name, figures in PEERS.items()]
+    """Other renderers beside furcl: time to the same error, paths a second, radiance."""
+    rows = []
     for found in runs("peers"):
-        for kind in ("bcsdf", "mis"):
-            here = {r["scene"]: r for r in found["rows"] if r["light_sampling"] == kind}
+        for row in found["rows"]:
+            ratio, bright = row.get("furcl_over_it"), row.get("radiance_over_furcl")
             rows.append(
                 [
-                    f"furcl, {driver(found)}",
-                    kind,
-                    *(
-                        f"{here[groom]['mpaths_s']:.2f} ({here[groom]['mrays_s']:.2f} M rays/s)"
-                        for groom in ("hair10k", "fur100k")
-                    ),
+                    row["groom"],
+                    row["settings"],
+                    row["version"] if ratio else f"furcl, {driver(found)}",
+                    f"{row['mpaths_s']:.3f}",
+                    number_in(ratio) if ratio else "1",
+                    number_in(bright) if bright else "1",
                 ]
             )
-    columns = ["renderer", "light sampling", "hair10k, M paths/s", "fur100k, M paths/s"]
-    return table(columns, rows)
+    columns = ["groom", "settings", "renderer", "M paths/s", "furcl's efficiency over its"]
+    return table([*columns, "radiance over furcl's"], rows)
+
+
+def number_in(interval: list[float]) -> str:
+    """A ratio with its interval."""
+    ratio, low, high = interval
+    return f"{ratio:.3g} [{low:.3g}, {high:.3g}]"
 
 
 def start() -> str:

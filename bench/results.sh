@@ -2,8 +2,8 @@
 # The runs behind docs/: all kinds, or those named, one after the other on a quiet machine.
 #     bash bench/results.sh [KIND...] [--device D] [--quick]
 # Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
-#     intersect 3   stages 1   convergence 13   paper-size 12   features 3   start 1   stability 6   peers 1
-#     fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   docs 0
+#     intersect 3   stages 1   convergence 13   paper-size 12   features 3   start 1   stability 6   peers 6
+#     fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
 # Real grooms, the .hair files of the folder GROOMS, are measured where it is there; out/grooms points
@@ -12,7 +12,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
 real_grooms=${GROOMS:-../shared/data/hair}
-all="intersect stages convergence paper-size features start stability peers fibre_truth medulla_tables overhead unbiased docs"
+all="intersect stages convergence paper-size features start stability peers fibre_truth medulla_tables overhead unbiased stragglers docs"
 device=portable quick= out=bench/results kinds=
 
 refuse() { echo "results.sh: $1" >&2 && exit 2; }
@@ -111,8 +111,11 @@ stability() { # float32 at all edges
     run stability "" $(pick "--points 1000000" "--quick --points 2000 --no-renders")
 }
 
-peers() { # the grooms that other renderers were measured on
-    script peers -o "$out/peers/$name" $(pick "--spp 16 --rounds 3" "--spp 1 --strands 100")
+peers() { # other renderers in turns with furcl, those of bench/install_peers.sh
+    local renderers=furcl
+    if [ -d out/peers/mitsuba ]; then renderers=furcl,mitsuba-llvm,mitsuba-linear,mitsuba-scalar; else echo "no out/peers" >&2; fi
+    script peers -o "$out/peers/$name" --renderers $renderers \
+        $(pick "" "--spp 1 --rounds 2 --size 16 --strands 100")
 }
 
 fibre_truth() { # the model beside brute force
@@ -130,6 +133,10 @@ overhead() { # what numbers, plans and learning cost
 unbiased() { # whether every variant of the ladder shows the same picture, in every light
     script unbiased $(pick "--size 32x32" "sky --scenes black_hair --size 8x8 --runs 2 --spp 4") \
         -o "$out/unbiased/$name.json"
+}
+
+stragglers() { # how well machines share a render
+    script stragglers -o "$out/stragglers/$name" $(pick "" "single_fibre --parts 2")
 }
 
 docs() {

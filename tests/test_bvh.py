@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from ray_reference import random_walks, strands
 
-from furcl.bvh import build, embree
+from furcl.bvh import build, embree, needles
 from furcl.bvh.build import build_bvh
 from furcl.bvh.chunk import BUFFERS
 from furcl.bvh.partition import Partition, top_lanes
@@ -56,6 +56,13 @@ def _stray(rng):
     return Curves.from_arrays(points, 0.005, np.arange(501) * 12)
 
 
+def _needles(rng):
+    """Points two and three sizes away: segments as long as all the rest."""
+    points = random_walks(rng, 500, 12, 0.05, 0.005).points.copy()
+    points[[77, 1000, 1999]] += np.array([[2.5, 2.5, 2.0], [0.0, -3.0, 1.0], [3.0, 0.0, 0.0]])
+    return Curves.from_arrays(points, 0.005, np.arange(501) * 12)
+
+
 def _on_axes(rng):
     ends = np.zeros((3, 2, 3))
     ends[:, 1] = np.eye(3)
@@ -78,6 +85,7 @@ GROOMS = {
     "uneven": _uneven,
     "far away": _far_away,
     "stray": _stray,
+    "needles": _needles,
 }
 
 
@@ -258,14 +266,26 @@ def test_wrong_copies_are_found(device, rng):
             check_bvh(changed, curves)
 
 
-@pytest.mark.parametrize("n", [1, 2, 1000])
-def test_embree_builds_a_binary_tree_of_all_primitives(n, rng):
+@pytest.mark.parametrize(
+    ("n", "long", "kept_out"),
+    [(1, 0, 0), (2, 0, 0), (1000, 0, 0), (1000, 1, 1), (1000, 5, 5), (1000, 6, 6), (1000, 7, 0),
+     (7, 1, 0)],
+)  # fmt: skip
+def test_a_binary_tree_has_all_primitives_and_few_long_ones_at_its_top(n, long, kept_out, rng):
     primitives = np.zeros(n, embree.PRIMITIVE)
     primitives["lower"] = rng.random((n, 3))
     primitives["upper"] = primitives["lower"] + 0.01
+    chosen = rng.choice(n, long, replace=False)
+    primitives["upper"][chosen] += rng.uniform(1.0, 3.0, (long, 3))
     primitives["primitive"] = np.arange(n)
     boxes = primitives.copy()
-    tree = embree.build_binary_tree(primitives)
+    tree = needles.build_binary_tree(primitives)
+    top, node = [], 0
+    while n > 1 and node >= 0 and tree.nodes[node, 1] < 0:
+        top.append(int(primitives["primitive"][~tree.nodes[node, 1]]))
+        node = int(tree.nodes[node, 0])
+    assert kept_out in (0, len(top))
+    assert set(top) == set(chosen.tolist()) or not kept_out
     assert np.array_equal(boxes[primitives["primitive"]], primitives)
     below = {~leaf: (leaf, leaf, 0) for leaf in range(n)}  # first and last leaf, height
     for node in np.argsort(tree.heights):

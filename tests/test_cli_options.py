@@ -19,8 +19,7 @@ from furcl.image.image import Image
 
 EXAMPLE = Path(__file__).parents[1] / "bench" / "samplers" / "lobe_cdf.clh"
 
-# Options that mean something else by command: a picture or a folder; one value or a list; one device
-# or several.
+# Options that mean something else by command: picture or folder; one value or device, or a list.
 OF_SEVERAL_MEANINGS = {"--output", "--device", "--spp", "--sampling", "--size", "--runs"}
 
 

@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ def test_the_picture_is_that_of_the_scene(alone, device):
 
 @pytest.mark.parametrize(
     ("spp", "part_spp", "expected"),
-    [(20, 6, [6, 6, 6, 2]), (5, None, [5]), (40, None, [16, 16, 8]), (6400, None, [100] * 64)],
+    [(20, 6, [6, 6, 6, 2]), (5, None, [5]), (40, None, [16, 16, 8]), (25600, None, [100] * 256)],
 )
 def test_parts_are_all_samples_once(spp, part_spp, expected):
     found = parts.parts_of(_scene_of(spp, "even"), part_spp)
@@ -262,5 +263,29 @@ def test_a_cluster_gives_the_same_bits_and_a_lost_worker_costs_nothing(
         render(scene, cluster, part_spp=PART_SPP, device="nowhere")
 
 
+@pytest.mark.slow
+def test_a_worker_that_stands_still_does_not_stall_the_end(cluster, alone, device):
+    """Last in this file: the worker stands still for longer than the test takes."""
+    from furcl.distributed import render
+
+    workers = list(cluster.scheduler_info()["workers"])
+    assert len(workers) == 2
+    cluster.run(_stand_still, workers=workers[:1])
+    scene = _scene(**KINDS["even"])
+    image = render(scene, cluster, part_spp=PART_SPP, device=str(_index_of(device)))
+    assert _bits(image) == _bits(alone["even"])
+
+
 def _process() -> int:
     return os.getpid()
+
+
+def _stand_still() -> None:
+    """Make the tasks of this process wait."""
+    from furcl.distributed import cluster
+
+    def render_part(*_: Any) -> Image:
+        time.sleep(600.0)
+        raise AssertionError
+
+    cluster.render_part = render_part

@@ -99,7 +99,8 @@ def blocks_beside_stray(
 
 def stray_point(folder: Path, quick: bool) -> str:
     curves = walks(np.random.default_rng(1), 5000, 10)
-    distances = (10.0, 1e6) if quick else (10.0, 1e2, 1e3, 1e4, 1e5, 1e6)
+    near = (1.0, 2.0, 2.5, 3.0, 5.0, 10.0)
+    distances = (2.5, 1e6) if quick else (*near, 1e2, 1e3, 1e4, 1e5, 1e6)
     return blocks_beside_stray(curves, STRAY, distances)
 
 

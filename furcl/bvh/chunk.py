@@ -9,7 +9,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from furcl.bvh import embree
+from furcl.bvh import embree, needles
 from furcl.device import program
 from furcl.device.features import Features
 from furcl.device.launch import grid
@@ -79,6 +79,9 @@ class ChunkBuilder:
         triangles: bool = False,
         motion: int = 0,
     ) -> None:
+        self._build_binary_tree = (
+            embree.build_binary_tree if triangles else needles.build_binary_tree
+        )
         self._scratch = scratch
         self._vertices = vertices
         self._inverse_size = np.float32(1.0 / size)
@@ -161,7 +164,7 @@ class ChunkBuilder:
         )  # fmt: skip
         primitives = self._primitives[:n]
         cl.enqueue_copy(self._scratch.device.queue, primitives, self._buffers["boxes, then costs"])
-        tree = embree.build_binary_tree(primitives)
+        tree = self._build_binary_tree(primitives)
         self._copy("leaves", primitives["primitive"].copy())
         return tree
 

@@ -122,9 +122,9 @@ def render(
 
     The scene, its groom and the files it names are sent to each worker once; workers need furcl
     and an OpenCL device, no files. Each takes parts of the samples (`furcl.distributed.parts`),
-    one at a time, and sends a picture back. A lost worker costs the parts that it had, which others
-    take. The picture is that of `render_on` with the same parts, to the bit where devices are of
-    one kind.
+    one at a time, and sends a picture back. A lost worker costs the parts that it had, which
+    others take, as they take those of a slow one when they have nothing left. The picture is that
+    of `render_on` with the same parts, to the bit where devices are of one kind.
 
     Parameters
     ----------
@@ -168,23 +168,38 @@ def render(
     job = Job.of(with_overrides(scene, spp=parts[0].spp), grooms, wave_size, device)
     start = time.perf_counter()
     sent = client.scatter(job, broadcast=True, hash=False)
-    tasks = {
-        client.submit(_task, sent, part, pure=False, priority=-part.number): part for part in parts
-    }
     n_pixels = scene.film.width * scene.film.height
-    merging, done, stopped = Merging(), 0, False
+    merging, left, done, stopped = Merging(), {part.number for part in parts}, 0, False
+
+    def begin(part: Part, again: bool = False) -> Any:
+        priority = -part.number - (len(parts) if again else 0)
+        return client.submit(_task, sent, part, pure=False, priority=priority)
+
+    tasks = {begin(part): part for part in parts}
+    coming = as_completed(list(tasks))
     try:
-        for task in as_completed(tasks):
+        for task in coming:
             part = tasks.pop(task)
+            if part.number not in left:
+                continue
             try:
                 merging.add(part, task.result())
             except KilledWorker as error:
                 raise DeviceError(f"part {part.number} of {len(parts)}: {error}") from None
+            left.remove(part.number)
             done += part.spp * n_pixels
             over = time_limit is not None and time.perf_counter() - start >= time_limit
             if over or (progress and progress(done, scene.render.spp * n_pixels)):
-                stopped = bool(tasks)
+                stopped = bool(left)
                 break
+            if not left:
+                break
+            # Workers that have nothing to do take what others are not ready with.
+            if len(tasks) == len(left) <= len(client.scheduler_info()["workers"]) // 2:
+                for late in [parts[number] for number in sorted(left)]:
+                    copy = begin(late, again=True)
+                    tasks[copy] = late
+                    coming.add(copy)
     finally:
         client.cancel(list(tasks))
     image = merging.image()

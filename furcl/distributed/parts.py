@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 #: Samples a pixel of a part, at least: what is learned in the first of them pays in the others.
 LEAST_SPP = 16
 #: Parts of a render, at most: each brings a picture to the host.
-MOST_PARTS = 64
+MOST_PARTS = 256
 # Odd, so that the seeds of 2^32 parts differ.
 _SEED_STEP = 0x9E3779B9
 
