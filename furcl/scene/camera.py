@@ -89,7 +89,7 @@ class Camera(Table, frozen=True, kw_only=True):
             )
         if self.keys:
             self._check_keys()
-        if (self.origin is None) != (self.target is None):
+        if not self.keys and (self.origin is None) != (self.target is None):
             given, missing = ("origin", "target") if self.target is None else ("target", "origin")
             raise ValueError(
                 f"{given} is given without {missing}; give both, or neither for automatic framing"
