@@ -9,11 +9,13 @@ import pytest
 from groom_files import THICKNESS, npz_bytes
 from scene_documents import MINIMAL, minimal
 
+from furcl.cli.facts import of_scene
 from furcl.errors import GroomError, SceneError
 from furcl.groom.curves import Curves
 from furcl.groom.formats import load_curves, save_curves
 from furcl.groom.joined import Groom, Grooms
 from furcl.groom.motion import MOST_STEPS, points_at
+from furcl.groom.orient import scaled, z_up
 from furcl.rendering.shutter import shutter_words
 from furcl.scene.digest import scene_digest
 from furcl.scene.motion import LARGEST_TURN_DEG, TransformKey, key_times, matrix_at
@@ -67,6 +69,20 @@ def test_times_are_even_where_none_are_given(tmp_path):
     counts = np.array([3, 3, 3])
     (tmp_path / "m.npz").write_bytes(npz_bytes(points=STEPS, radii=THICKNESS, counts=counts))
     assert load_curves(tmp_path / "m.npz").times == (0.0, 0.5, 1.0)
+
+
+def test_control_points_that_move_are_refused(tmp_path):
+    save_curves(groom(), tmp_path / "moving.npz")
+    with pytest.raises(GroomError, match=r"points of shape \(3, 9, 3\) move"):
+        load_curves(tmp_path / "moving.npz", basis="bspline")
+
+
+@pytest.mark.parametrize(("up_axis", "column"), [("x", 0), ("y", 1), ("z", 2)])
+def test_all_steps_are_turned_and_scaled(up_axis, column):
+    turned = scaled(z_up(groom(), up_axis), 2.0)
+    assert np.array_equal(turned.steps[..., 2], 2 * STEPS[..., column])
+    assert np.array_equal(turned.points, turned.steps[0])
+    assert turned.times == tuple(TIMES)
 
 
 BAD = {
@@ -123,6 +139,8 @@ def test_a_shutter_cuts_the_time_of_a_file(tmp_path):
     assert still.times == ()
     assert np.array_equal(still.points, curves.points)
     assert len({scene_digest(scene), scene_digest(scene, still)}) == 2
+    assert of_scene(scene)["time steps"] == "3, 0.125 to 0.5"
+    assert "time steps" not in of_scene(with_overrides(scene, ["camera.shutter=[0,0]"]))
 
 
 def test_steps_of_all_grooms_are_joined():
