@@ -47,6 +47,7 @@ RENDERERS: dict[str, tuple[str, dict[str, str]]] = {
     "mitsuba-llvm": ("peer_mitsuba.py", {"variant": "llvm_ad_rgb", "shape": "bsplinecurve"}),
     "mitsuba-linear": ("peer_mitsuba.py", {"variant": "llvm_ad_rgb", "shape": "linearcurve"}),
     "mitsuba-scalar": ("peer_mitsuba.py", {"variant": "scalar_rgb", "shape": "bsplinecurve"}),
+    "cycles": ("peer_cycles.py", {}),
 }
 
 
@@ -197,6 +198,13 @@ def log_efficiencies(seconds: np.ndarray, pictures: np.ndarray) -> np.ndarray:
     return -np.log(mse * seconds)
 
 
+def of_groom(pictures: np.ndarray) -> np.ndarray:
+    """Mean radiance of the middle of the pictures, where there is no background."""
+    height, width = pictures.shape[1:3]
+    middle = np.s_[:, height * 3 // 8 : height * 5 // 8, width * 3 // 8 : width * 5 // 8]
+    return pictures[middle].mean(axis=(1, 2, 3))
+
+
 def interval(values: np.ndarray) -> list[float]:
     """exp of the mean, and its 95 % interval."""
     half = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
@@ -209,7 +217,7 @@ def compared(
     """A row a renderer."""
     seconds, pictures = measure(found, given.rounds, given.spp, folder)
     own = log_efficiencies(seconds["furcl"], pictures["furcl"])
-    mean = pictures["furcl"].mean(axis=(1, 2, 3))
+    mean = of_groom(pictures["furcl"])
     rows = []
     for worker in found:
         name = worker.name
@@ -223,9 +231,7 @@ def compared(
         }  # fmt: skip
         if name != "furcl":
             row["furcl_over_it"] = interval(own - theirs)
-            row["radiance_over_furcl"] = interval(
-                np.log(pictures[name].mean(axis=(1, 2, 3))) - np.log(mean)
-            )
+            row["radiance_over_furcl"] = interval(np.log(of_groom(pictures[name])) - np.log(mean))
         rows.append(row)
         if given.pictures:
             picture = Image(pictures[name].mean(axis=0).astype(np.float32))

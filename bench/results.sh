@@ -113,7 +113,7 @@ stability() { # float32 at all edges
 
 peers() { # other renderers in turns with furcl, those of bench/install_peers.sh
     local renderers=furcl
-    if [ -d out/peers/mitsuba ]; then renderers=furcl,mitsuba-llvm,mitsuba-linear,mitsuba-scalar; else echo "no out/peers" >&2; fi
+    if [ -d out/peers/mitsuba ]; then renderers=furcl,mitsuba-llvm,mitsuba-linear,mitsuba-scalar,cycles; else echo "no out/peers" >&2; fi
     script peers -o "$out/peers/$name" --renderers $renderers \
         $(pick "" "--spp 1 --rounds 2 --size 16 --strands 100")
 }

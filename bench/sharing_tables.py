@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from tables import circumstances, runs, table
 
 
@@ -32,8 +33,7 @@ def sizes() -> str:
     return "\n".join(
         f"{found['scene']}: {found['groom_bytes'] / 1e6:.1f} MB of groom to each machine, "
         f"{found['picture_bytes'] / 1e6:.2f} MB of picture from each part; "
-        f"{found['set_up_seconds']:.1f} s to set up, {sum(found['seconds']) / len(found['seconds']):.2f} "
-        f"s a part."
+        f"{found['set_up_seconds']:.1f} s to set up, {np.mean(found['seconds']):.2f} s a part."
         for found in runs("stragglers")
     )
 

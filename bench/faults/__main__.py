@@ -38,18 +38,24 @@ def outcome(case: Case, quick: bool) -> tuple[str, bool]:
         return lines[0][:LONGEST], False
 
 
+def _chosen(words: list[str]) -> list[tuple[str, Case]]:
+    """The cases of some topics, or with some words in their names, each with its topic."""
+    every = topics()
+    return [
+        (topic, case)
+        for topic, cases in every.items()
+        for case in cases
+        if not words or any(w == topic if w in every else w in case.name for w in words)
+    ]
+
+
 def main() -> int:
     """Print the table as it grows; 1 if a case goes wrong."""
     parser = argparse.ArgumentParser(prog="bash bench/faults.sh", description=__doc__)
     parser.add_argument("words", nargs="*", help="topics, or parts of names; none: all")
     parser.add_argument("--quick", action="store_true", help="the short form of make test")
     given = parser.parse_args()
-    chosen = [
-        (topic, case)
-        for topic, cases in topics().items()
-        for case in cases
-        if not given.words or any(word == topic or word in case.name for word in given.words)
-    ]
+    chosen = _chosen(given.words)
     print("| topic | case | what happens | verdict |\n|---|---|---|---|")
     wrong = 0
     for topic, case in chosen:

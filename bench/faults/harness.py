@@ -56,7 +56,13 @@ def start(
     )
 
 
-def run(command: Sequence[str], env: Mapping[str, str] | None = None, **options) -> Ended:
+def run(
+    command: Sequence[str],
+    env: Mapping[str, str] | None = None,
+    *,
+    timeout_s: float = TIMEOUT_S,
+    **options,
+) -> Ended:
     """Run a command to its end."""
     # A process between asks for the peak of its one child; ours has had others.
     measure = (
@@ -72,10 +78,10 @@ def run(command: Sequence[str], env: Mapping[str, str] | None = None, **options)
         wrapped = [sys.executable, "-I", "-c", measure, told.name, *command]
         with start(wrapped, env, **options) as child:
             try:
-                out, err = child.communicate(timeout=TIMEOUT_S)
+                out, err = child.communicate(timeout=timeout_s)
             except subprocess.TimeoutExpired:
                 child.kill()
-                raise AssertionError(f"no end after {TIMEOUT_S:.0f} s: {command}") from None
+                raise AssertionError(f"no end after {timeout_s:.0f} s: {command}") from None
         text = told.read()
     code, peak = json.loads(text) if text else (child.returncode, 0)
     return Ended(code, out or "", err or "", peak)
