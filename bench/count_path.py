@@ -35,7 +35,17 @@ PIXELS = "8x8"
 UTILITIES = (
     *(
         f"kernels/include/core/{name}.clh"
-        for name in ("prelude", "math", "cdf", "spectrum", "lanes", "queue_lanes", "rng", "sobol")
+        for name in (
+            "prelude",
+            "math",
+            "cdf",
+            "spectrum",
+            "lanes",
+            "queue_lanes",
+            "rng",
+            "path_numbers",
+            "sobol",
+        )
     ),
     "furcl/device/",
 )

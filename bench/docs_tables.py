@@ -17,6 +17,7 @@ import paper_size_tables
 import render_tables
 import sharing_tables
 import stability_tables
+import where_it_pays_tables
 from tables import filled
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -29,6 +30,7 @@ DOCUMENTS = {
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
     "sharing.md": sharing_tables.TABLES,
+    "where_it_pays.md": where_it_pays_tables.TABLES,
 }
 
 

@@ -76,10 +76,26 @@ def limits() -> str:
     return f"{table(columns, rows)}\n\n{how}"
 
 
+def reciprocity() -> str:
+    """How far presets are from reciprocal, by lobe, and what the half difference angle changes."""
+    results = load("reciprocity.json")
+    rows = []
+    for name, found in results["presets"].items():
+        for lobe, row in found.items():
+            energy = f"{row['energy']:.3f}" if "energy" in row else ""
+            variance = f"{row['variance']:.4f}" if "variance" in row else ""
+            share = f"{100 * row['share']:.3g} %"
+            rows.append([name, lobe, share, f"{100 * row['apart']:.1f} %", energy, variance])
+    columns = ["preset", "lobe", "of its light", "apart", "energy", "variance of weights"]
+    how = f"`{results['command']}`, {results['pairs']:,} pairs of directions a preset."
+    return f"{table(columns, rows)}\n\n{how}"
+
+
 TABLES = {
     "presets": presets,
     "provenance": provenance,
     "shares": shares,
     "shares-circumstances": lambda: circumstances(load("medulla_tables.json")),
     "limits": limits,
+    "reciprocity": reciprocity,
 }

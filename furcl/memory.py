@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 from pathlib import Path
 
@@ -11,6 +12,9 @@ from furcl.errors import FurclError
 # Libraries, the OpenCL runtime and its compiler take as much before a scene is there. With less,
 # threads of the runtime may wait for ever.
 ADDRESS_SPACE_BYTES = 950 << 20
+# Stacks and heaps of the threads of a library are counted when they are reserved.
+THREAD_BYTES = 16 << 20
+SLACK_BYTES = 64 << 20
 
 
 def available_bytes() -> int:
@@ -61,3 +65,16 @@ def require_memory(path: str | Path, n_bytes: int, error: type[FurclError]) -> N
             f"{path}: needs {n_bytes / 2**20:.0f} MiB to be read; {available / 2**20:.0f} MiB of "
             f"memory are available. Use a smaller file, or raise the limit (ulimit -v)."
         )
+
+
+def limit_memory(n_bytes: int) -> None:
+    """Let this process take so much more data, beside the stacks of a library's threads."""
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
+    found = re.search(r"VmData:\s*(\d+) kB", status)
+    if found is None:
+        return
+    limit = 1024 * int(found[1]) + n_bytes + SLACK_BYTES + THREAD_BYTES * (os.cpu_count() or 1)
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    if hard != resource.RLIM_INFINITY:
+        limit = min(limit, hard)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))

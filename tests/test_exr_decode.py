@@ -144,9 +144,12 @@ def _changed(folder: Path, change: dict[str, int]):
     from furcl.paths import python_command
 
     script = folder / "start.py"
-    lines = [f"exr_decode.{name} = {value}" for name, value in change.items()]
+    lines = [
+        f"{'exr_decode' if name == 'MEMORY_FACTOR' else 'memory'}.{name} = {value}"
+        for name, value in change.items()
+    ]
     script.write_text(
-        "import sys\nfrom furcl.image import exr_decode\n"
+        "import sys\nfrom furcl import memory\nfrom furcl.image import exr_decode\n"
         + "\n".join(lines)
         + "\nsys.exit(exr_decode.main(sys.argv[1]))\n"
     )

@@ -78,6 +78,7 @@ VALUES = {
     "transparent": (False, True),
     "variance": (False, True),
     "planned": (False, True),
+    "held": (False, True),
     "statistics": (False, True),
     "debug": (False,),
 }
@@ -283,7 +284,7 @@ ABSENT = [
     ({"motion": 0}, "shade", ("PS_TIME", "vertex_at_step(vertices, i, piece)")),
     ({"camera_motion": 0}, "generate", ("moved_camera(", "vload3(3u + i, from)")),
     ({"camera_motion": 0}, "add_first_hits", ("moved_camera(", "shutter")),
-    ({"motion": 0, "camera_motion": 0}, "generate", ("shutter", "wave.seed, pixel, sample, 1u")),
+    ({"motion": 0, "camera_motion": 0}, "generate", ("shutter", "&wave, pixel, sample, 1u")),
     ({"layers": None}, "generate", ("PS_FIRST", "set_path_uint(paths, PS_HIT_SEGMENT")),
     ({"layers": None}, "shade", ("note_for_layers(", "before_lobe", "PS_FIRST_LIGHT_0")),
     ({"layers": None}, "shade_surface", ("note_for_layers(", "bounce.first")),
@@ -296,6 +297,8 @@ ABSENT = [
     ({"variance": False, "planned": False}, "add_to_film", ("mean_before",)),
     ({"planned": False}, "generate", ("planned_sample(", "PS_SAMPLE")),
     ({"planned": False}, "shade", ("PS_SAMPLE",)),
+    ({"held": False}, "shade", ("held_numbers(", "shared")),
+    ({"held": False}, "generate", ("held_numbers(", "shared")),
     ({"planned": False}, "add_to_film", ("keep_pilot(", "pilots", "planned_paths(")),
     ({"roulette": False}, "shade", ("throughput /= keep_next",)),
     ({"learning": None}, "shade", ("learned_cell(", "record_arrival(")),
@@ -311,7 +314,8 @@ def test_left_out_code_is_absent(device, changes, stage, words):
     full = {
         "residual": True, "light": "sky", "light_sampling": True, "surface": PART, "lens": True,
         "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
-        "sequence": "sobol", "planned": True, "fibres": 2, "absorption": "strand",
+        "sequence": "sobol", "planned": True, "held": True,
+        "fibres": 2, "absorption": "strand",
         "shadow_roulette": True, "learning": LearningPart(), "motion": 2, "camera_motion": 2,
         "meshes": MeshPart(normals=True, textures=True, emission=True),
     }  # fmt: skip

@@ -96,7 +96,8 @@ class Comparison:
         at = int(np.argmax(most))
         if most[at] > total.value:
             total.value, total.reference = float(most[at]), float(reference.sum(0)[at].max())
-            total.excess = max(most[at] - 1.0, 0.0) / 1e-3
+            allowed = self.subject.most_energy(probe.fibre)
+            total.excess = max(most[at] / allowed - 1.0, 0.0) / 1e-3
             total.worst = describe(probe.fibre, points, at)
 
     def _bin_ratios(self, probe: Probe, points: Points, theta: Array, reference: Array) -> None:
@@ -198,7 +199,9 @@ class Comparison:
         numbers = np.where(ends < 1 / 6, 0.0, np.where(ends < 1 / 3, LAST, numbers))
         wi, h, lobe, weight, pdf = probe.sample(points.wo, numbers=numbers)
         factors = self.subject.direction_factors(probe)
-        allowed = largest_weight(probe, factors, np.hypot(points.wo[:, 1], points.wo[:, 2]))
+        cos = np.hypot(points.wo[:, 1], points.wo[:, 2])
+        energy = self.subject.most_energy(probe.fibre)
+        allowed = largest_weight(probe, factors, cos, energy)
         suffix = "" if probe.sampler.name == "full-cdf" else f" ({probe.sampler.name})"
         for p, name in enumerate(probe.lobes):
             chosen = np.flatnonzero(lobe == p)
@@ -250,11 +253,12 @@ class Comparison:
             if (relative[there] <= 1e-4).all():
                 break
         row = self.row("value over pdf", name)
+        bar = self.subject.weight_bars.get(name, 1e-4)
         row.points += int(there.sum())
         row.within_bars += int((relative[there] <= 1e-4).sum())
         if there.any() and relative[there].max() > row.max_relative:
             at = int(np.argmax(np.where(there, relative, 0.0)))
             row.max_relative = float(relative[at])
-            row.excess = row.max_relative / 1e-4
+            row.excess = row.max_relative / bar
             row.worst = describe(probe.fibre, points, int(chosen[at]))
             row.worst |= {"wi": wi[at].tolist(), "h": float(h[at])}

@@ -44,13 +44,21 @@ _LOWEST_SIGMA = 1e-8
 
 
 class CylinderSubject(Subject):
-    """Fibres of Chiang's or d'Eon's model.
+    """Fibres that are a dataclass of numbers.
 
     Parameters
     ----------
     edges : mapping     parameter -> values at which something is special
     ranges : mapping    parameter -> its range; those without one take an edge always
+
+    Attributes
+    ----------
+    base : mapping      parameters of the grid's fibres but for the one at an edge
+    logarithmic         parameters of three numbers, drawn evenly in their logarithms
     """
+
+    base: Mapping[str, Any] = {"sigma_a": (0.1, 0.3, 0.9)}
+    logarithmic: Sequence[str] = ("sigma_a",)
 
     def __init__(
         self,
@@ -65,14 +73,14 @@ class CylinderSubject(Subject):
     def grid(self) -> Iterator[tuple[str, Any, Any]]:
         for name, values in self._edges.items():
             for value in values:
-                yield name, value, self.parameters(**{"sigma_a": (0.1, 0.3, 0.9), name: value})
+                yield name, value, self.parameters(**{**self.base, name: value})
 
     def random(self, rng: np.random.Generator) -> Any:
         values = {}
         for name, edges in self._edges.items():
             if name not in self._ranges or rng.random() < 0.5:
                 values[name] = edges[int(rng.integers(len(edges)))]
-            elif name == "sigma_a":
+            elif name in self.logarithmic:
                 high = math.log(self._ranges[name][1])
                 values[name] = tuple(np.exp(rng.uniform(math.log(_LOWEST_SIGMA), high, 3)))
             else:

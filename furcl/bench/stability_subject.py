@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,10 @@ class Subject:
     model : FibreModel
     parameters : type       the class of its fibres, a dataclass
     """
+
+    weight_bars: Mapping[str, float] = {}
+    """By lobe, how much 0.5 evaluate / pdf may differ from the weight that a sample says, relative;
+    else 1e-4."""
 
     def __init__(self, model: FibreModel, parameters: type) -> None:
         self.model, self.parameters = model, parameters
@@ -53,6 +57,10 @@ class Subject:
     def direction_factors(self, probe: Probe) -> Array:
         """(lobes,) value over density of a lobe's directions, over its energy, at most."""
         return np.ones(len(probe.lobes))
+
+    def most_energy(self, fibre: Any) -> float:
+        """What the attenuations of all lobes add up to at most."""
+        return 1.0
 
     def index(self, fibre: Any) -> float:
         """Refractive index, for the regions of the largest weights."""

@@ -98,12 +98,16 @@ class Rows:
         return np.divide(attenuation, q, out=np.zeros_like(q), where=chosen)
 
 
-def largest_weight(probe: Probe, factors: Array, cos: Array) -> Array:
+def largest_weight(probe: Probe, factors: Array, cos: Array, most_energy: float) -> Array:
     """(lobes, n): the bar for weights, mean of the channels, at inclinations of cosine `cos`.
 
     factors : (lobes,)      `Subject.direction_factors` of the probe
+    most_energy : float     what all A_p add up to at most
     """
     tables = probe.material.tables
     # Without tables h is uniform and the weight the sum of all A_p, whose bar is the same.
-    energy = np.full_like(cos, 1.001) if tables is None else BIN_RATIO * Rows(tables, cos).energy
+    if tables is None:
+        energy = np.full_like(cos, 1.001 * most_energy)
+    else:
+        energy = BIN_RATIO * Rows(tables, cos).energy
     return factors[:, None] * energy

@@ -82,7 +82,9 @@ def measure(
     """
     renderer = Renderer(scene, device, wave_size)
     renderer.advance(1)
-    found = sorted((_round(renderer, spp) for _ in range(rounds)), key=lambda r: r["wall_seconds"])
+    found = sorted(
+        (timed_round(renderer, spp) for _ in range(rounds)), key=lambda r: r["wall_seconds"]
+    )
     return {
         "scene": scene.name,
         "segments": renderer.setup.n_segments,
@@ -110,7 +112,8 @@ def _counts(renderer: Renderer) -> dict[str, int]:
     }
 
 
-def _round(renderer: Renderer, spp: int) -> dict[str, Any]:
+def timed_round(renderer: Renderer, spp: int) -> dict[str, Any]:
+    """Time, counts and rates of `spp` more samples; a part of what `measure` returns."""
     wavefront, before = renderer.wavefront, _counts(renderer)
     wavefront.events.clear()
     wavefront.keep_events = True

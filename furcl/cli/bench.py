@@ -11,6 +11,7 @@ from furcl.cli.bench_report import report
 from furcl.cli.bench_stability import replay, stability
 from furcl.cli.bench_stages import stages, waves
 from furcl.cli.bench_start import start
+from furcl.cli.bench_variance import variance
 from furcl.cli.console import print_table
 from furcl.cli.options import ROUNDS, SIZE, SPP, DeviceName, Folder, Overrides, SceneNames
 
@@ -53,6 +54,7 @@ def intersect(
 app.command()(stages)
 app.command()(waves)
 app.command()(convergence)
+app.command()(variance)
 app.command()(stability)
 app.command()(replay)
 app.command()(start)

@@ -13,8 +13,10 @@ from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
     QUICK,
     SAMPLER_FILE,
+    SAMPLING,
     SEED,
     SIZE,
+    VARIANT,
     DeviceName,
     Overrides,
     SceneNames,
@@ -35,13 +37,8 @@ def convergence(
             callback=results_folder,
         ),
     ],
-    variant: Annotated[
-        list[str] | None,
-        typer.Option(help="One to compare: 'NAME: KEY=VALUE ...', keys of [render] and [film]."),
-    ] = None,
-    sampling: Annotated[
-        str | None, typer.Option(help="The short form: names of samplers, A,B,C, each a variant.")
-    ] = None,
+    variant: Annotated[list[str] | None, VARIANT] = None,
+    sampling: Annotated[str | None, SAMPLING] = None,
     baseline: Annotated[
         str, typer.Option(help="Variant that the others are compared with; the first, if left out.")
     ] = "",

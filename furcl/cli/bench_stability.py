@@ -21,16 +21,20 @@ def stability(
         int | None, typer.Option(help="Random points; 10^7, with --quick 10^5.")
     ] = None,
     renders: Annotated[bool, typer.Option(help="Also render the scenes of scenes/extreme.")] = True,
+    model: Annotated[
+        str, typer.Option(help="Fibre model; stiff scenes are of double-cylinder alone.")
+    ] = "double-cylinder",
     seed: Annotated[int, SEED] = 1,
     device: DeviceName = None,
 ) -> None:
     """Compare the device with float64 at the ends of all ranges, and render stiff scenes."""
     from furcl.bench import stability as bench
+    from furcl.bench.stability_subjects import find
     from furcl.report.stability import write_report
 
     results = bench.run(
-        output, device=device, quick=quick, n_points=points, renders=renders, seed=seed,
-        progress=_LogLines(),
+        output, device=device, quick=quick, n_points=points, seed=seed, progress=_LogLines(),
+        renders=renders and model == "double-cylinder", subject=find(model),
     )  # fmt: skip
     print_stability(results)
     log.info("wrote %s and results.json", write_report(output))
@@ -84,7 +88,9 @@ def replay(
 ) -> None:
     """Print device and float64 values of every lobe at one point."""
     from furcl.bench.stability import replay as run
+    from furcl.bench.stability_subjects import find
     from furcl.cli.bench import print_table
 
-    rows = run(json.loads(point), device)
+    values = json.loads(point)
+    rows = run(values, device, find(values.get("model", "double-cylinder")))
     print_table(["quantity", "lobe", "device", "float64", "one unit in the last place"], rows)

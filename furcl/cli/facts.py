@@ -16,6 +16,7 @@ from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.model import ModelTable
 from furcl.groom.curves import Curves
 from furcl.groom.joined import Grooms
+from furcl.groom.widths import question
 from furcl.scene.tables import Film, Scene
 from furcl.surface.mesh.mesh import Meshes
 from furcl.table import Table
@@ -29,7 +30,13 @@ if TYPE_CHECKING:  # facts of grooms need no OpenCL
 
 def of_groom(path: Path, curves: Curves) -> dict[str, str]:
     """Counts, lengths, radii, bounds and units of what was read from a groom file."""
-    return {"groom": str(path), "unit": str(curves.units), **_of_curves(curves)}
+    asked = question(curves)
+    return {
+        "groom": str(path),
+        "unit": str(curves.units),
+        **_of_curves(curves),
+        **({"question": asked} if asked else {}),
+    }
 
 
 def of_scene(scene: Scene) -> dict[str, str]:

@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 
 SceneName = Annotated[
-    str, typer.Argument(help="A TOML scene, or the name of one that comes with furcl.")
+    str,
+    typer.Argument(help="A TOML scene, the name of one that comes with furcl, or a groom."),
 ]
 SceneNames = Annotated[
     list[str], typer.Argument(help="TOML scenes, or names of those that come with furcl.")
@@ -64,6 +65,9 @@ Basis = Annotated[
         "bezier, bspline, catmull-rom."
     ),
 ]
+Material = Annotated[
+    str | None, typer.Option(help="Fibre of a groom without a scene: a preset, or a model.")
+]
 PointsPerStrand = Annotated[
     int | None, typer.Option(help="Where a groom does not say where strands begin.")
 ]
@@ -73,6 +77,8 @@ SPP = typer.Option("--spp", min=1, help="Samples per pixel; of a benchmark, in e
 SEED = typer.Option("--seed", help="All random numbers follow from it.")
 ROUNDS = typer.Option("--rounds", min=1, help="Times that each is measured.")
 QUICK = typer.Option("--quick", help="Small and few, to try the command.")
+VARIANT = typer.Option(help="One to compare: 'NAME: KEY=VALUE ...', keys of [render] and [film].")
+SAMPLING = typer.Option(help="The short form: names of samplers, A,B,C, each a variant.")
 SAMPLER_FILE = typer.Option(
     "--sampler", help="A sampler of your own, FILE.clh: registered under its name and used."
 )

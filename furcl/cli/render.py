@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,10 +17,16 @@ from furcl.cli.options import (
     SEED,
     SIZE,
     SPP,
+    Material,
     Overrides,
     SceneName,
+    UpAxis,
     WaveSize,
 )
+
+if TYPE_CHECKING:
+    from furcl.groom.joined import Grooms
+    from furcl.scene.tables import Scene
 from furcl.cli.shared import Shared, sample_range
 
 log = logging.getLogger(__name__)
@@ -91,11 +97,14 @@ def render(
         float | None,
         typer.Option(help="Degrees by which the camera goes around the groom in all frames."),
     ] = None,
+    material: Material = None,
+    up: UpAxis = None,
     overrides: Overrides = None,
 ) -> None:
-    """Render a scene to OpenEXR and PNG."""
+    """Render a scene, or a groom framed under a sky, to OpenEXR and PNG."""
     from furcl.cli.outputs import Outputs
     from furcl.fibre import samplers
+    from furcl.scene.from_groom import is_groom
     from furcl.scene.read import find_scene, load_scene
     from furcl.scene.schema import files_of
 
@@ -117,9 +126,10 @@ def render(
         if sampling:
             raise typer.BadParameter("--sampler and --sampling name two samplers; keep one")
         sampling = samplers.register(sampler.stem, sampler).name
+    bare = is_groom(find_scene(scene))
     loaded = load_scene(
         scene,
-        overrides=overrides or (),
+        overrides=[*_of_groom(bare, material, up), *(overrides or ())],
         spp=spp,
         seed=seed,
         size=size,
@@ -142,7 +152,7 @@ def render(
 
             # The groom is made while OpenCL and what works with it is loaded.
             with ThreadPoolExecutor(1) as beside:
-                curves = beside.submit(loaded.build_grooms)
+                curves = beside.submit(_built, loaded, bare)
                 from furcl.rendering.renderer import render as render_scene
 
                 common: dict[str, Any] = {
@@ -171,6 +181,30 @@ def render(
     tell_what_was_reached(image.stats, end - first)
     if interrupt.requested:
         raise interrupt.exit()
+
+
+def _of_groom(bare: bool, material: str | None, up: str | None) -> list[str]:
+    """The changes that options make of a scene which is a groom alone."""
+    from furcl.scene.from_groom import material_override
+
+    if not bare and (material or up):
+        raise typer.BadParameter(
+            "--material and --up are of a groom without a scene; of a scene give --set "
+            "fibre.preset=NAME and --set curves.up_axis=AXIS"
+        )
+    changes = [material_override(material)] if material else []
+    return [*changes, *([f"curves.up_axis={up}"] if up else [])]
+
+
+def _built(loaded: Scene, bare: bool) -> Grooms:
+    """The grooms; widths of a groom without a scene are questioned."""
+    from furcl.groom.widths import question
+
+    grooms = loaded.build_grooms()
+    asked = question(grooms.curves) if bare else ""
+    if asked:
+        log.warning("%s", asked)
+    return grooms
 
 
 def tell_what_was_reached(stats: dict[str, Any], spp: int) -> None:

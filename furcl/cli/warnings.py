@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from furcl.fibre.model import model_of
 from furcl.groom.curves import Curves
 from furcl.scene.camera import Camera
 from furcl.scene.tables import Scene
@@ -28,6 +29,9 @@ def of_scene(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> Iter
     """Reasons why the picture may be black, empty, coarse or slow; one sentence each."""
     for name in scene.material.keys() - scene.materials().keys():
         yield f"material {name} is of no groom: no groom names it"
+    for name, fibre in scene.build_fibres().items():
+        if said := model_of(fibre).warning(fibre):
+            yield f"fibre of {name}: {said}"
     points = _some(curves)
     camera = scene.resolved_camera(curves, meshes)
     lower, upper = (bound.astype(np.float64) for bound in curves.bounds())

@@ -74,6 +74,7 @@ class Features:
     shadow_roulette : bool      Russian roulette of light samples
     variance : bool             film keeps second moments
     planned : bool              a plan says how many samples each pixel takes
+    held : bool                 samples of a pixel can share numbers, see furcl.rendering.held
     statistics : bool           counters of lobes and path lengths
     debug : bool                index checks in every buffer access that has one
     """
@@ -103,6 +104,7 @@ class Features:
     shadow_roulette: bool = False
     variance: bool = True
     planned: bool = False
+    held: bool = False
     statistics: bool = True
     debug: bool = False
 

@@ -100,6 +100,13 @@ MARGINAL_PHIS = 65
 MARGINAL_OFFSETS = 128
 MARGINAL_PARTS = 8
 
+# The numbers that the samples of a pixel share (furcl/rendering/held.py), in the word Wave.held: a
+# bit for the camera; bits of kinds for the bounces before one, for it and for those after it; which
+# it is.
+HELD_CAMERA = 1
+HELD_KINDS = {"h": 1, "lobe": 2, "direction": 4, "light": 8, "roulette": 16}
+HELD_BEFORE, HELD_AT, HELD_AFTER, HELD_BOUNCE = 1, 6, 11, 16
+
 # Of plans how many samples each pixel takes: the numbers of samples after which a pixel's variance
 # is kept are PILOT_SAMPLES and that times powers of PILOT_GROWTH (furcl/rendering/allocation.py).
 PILOT_SAMPLES = 4
@@ -146,6 +153,12 @@ def _constants() -> dict[str, str]:
         "BLOCK_BOXES": BLOCK_BOXES,
         "PILOT_SAMPLES": PILOT_SAMPLES,
         "PILOT_GROWTH": PILOT_GROWTH,
+        "HELD_CAMERA": HELD_CAMERA,
+        "HELD_BEFORE": HELD_BEFORE,
+        "HELD_AT": HELD_AT,
+        "HELD_AFTER": HELD_AFTER,
+        "HELD_BOUNCE": HELD_BOUNCE,
+        **{f"HELD_{name.upper()}": bit for name, bit in HELD_KINDS.items()},
     }
     numbers = {
         "BVH_WIDTH": BVH_WIDTH,
@@ -211,7 +224,7 @@ STRUCTS: dict[str, Fields] = {
         ("picture_height", "uint"),
         ("crop_left", "uint"),  # ... the film holds a window that begins here
         ("crop_top", "uint"),
-        ("unused", "uint"),
+        ("held", "uint"),  # numbers that the samples of a pixel share (with FURCL_HELD)
     ),
 }
 

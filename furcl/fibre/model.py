@@ -209,6 +209,11 @@ class FibreModel(ABC):
             f"fibre.model = {self.name!r} has no absorption for a colour; give absorptions"
         )
 
+    def warning(self, fibre: Any) -> str | None:
+        """What is wrong with light of a fibre, such as that there is ever more of it; None where
+        nothing is."""
+        return None
+
     def constants(self) -> Mapping[str, int | str]:
         """FURCL_* constants of the header."""
         return {}
@@ -246,6 +251,8 @@ _models: Registry[FibreModel | str] = Registry(
         "double-cylinder": "furcl.fibre.double_cylinder.model",
         "chiang": "furcl.fibre.chiang.model",
         "deon": "furcl.fibre.deon.model",
+        "marschner": "furcl.fibre.marschner.model",
+        "sadeghi": "furcl.fibre.sadeghi.model",
     },
 )
 

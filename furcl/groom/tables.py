@@ -6,6 +6,7 @@ Those of generators are made from their signatures and ranges.
 from __future__ import annotations
 
 import inspect
+import logging
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -13,8 +14,10 @@ from msgspec import Meta
 
 from furcl.errors import GroomError
 from furcl.groom import grow
-from furcl.groom.curves import Curves
+from furcl.groom.curves import ADVICE, Curves
 from furcl.table import Length, Table
+
+log = logging.getLogger(__name__)
 
 
 class CurvesTable(Table, frozen=True, kw_only=True, tag_field="generator"):
@@ -39,6 +42,8 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
     radius_scale : float        factor on all radii
     default_radius : float      radius where the file has none, or only 0; without it such a file is
                                 refused [unit]
+    default_radius_share : float    where the file has no radius and default_radius is left out: the
+                                radius, of the largest side of the box around the groom
     up_axis : str               axis of the file that is up; "y" turns a groom to stand along +z,
                                 facing -y if it faced +z; what the file says if left out, and "z"
                                 where it says none
@@ -50,22 +55,44 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
     file: Annotated[str, Meta(examples=["groom.hair"])]
     radius_scale: Annotated[float, Meta(gt=0.0, le=1e9)] = 1.0
     default_radius: Length | None = None
+    default_radius_share: Annotated[float, Meta(gt=0.0, le=1.0)] | None = None
     up_axis: Literal["x", "y", "z"] | None = None
     basis: Literal["linear", "bezier", "bspline", "catmull-rom"] = "linear"
     points_per_strand: Annotated[int, Meta(ge=2, le=65536)] | None = None
 
     def build(self) -> Curves:
-        from furcl.groom.formats import load_curves
         from furcl.groom.orient import z_up
 
-        curves = load_curves(
+        try:
+            curves = self._read(self.default_radius)
+        except GroomError as error:
+            share = self.default_radius_share
+            if ADVICE not in str(error) or share is None or self.default_radius is not None:
+                raise
+            points = self._read(1.0).points
+            radius = share * float((points.max(axis=0) - points.min(axis=0)).max())
+            if not 0.0 < radius < float("inf"):
+                raise
+            log.warning(
+                "%s: has no radii; strands are given one of %.4g, %g of the groom's size "
+                "(curves.default_radius says another)",
+                self.file,
+                radius,
+                share,
+            )
+            curves = self._read(radius)
+        return z_up(curves, self.up_axis)
+
+    def _read(self, default_radius: float | None) -> Curves:
+        from furcl.groom.formats import load_curves
+
+        return load_curves(
             self.file,
-            self.default_radius,
+            default_radius,
             self.radius_scale,
             basis=self.basis,
             points_per_strand=self.points_per_strand,
         )
-        return z_up(curves, self.up_axis)
 
 
 class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate"):
@@ -76,6 +103,7 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
     file : str                  the guides
     radius_scale : float        factor on all radii
     default_radius : float      radius where the file has none, or only 0 [unit]
+    default_radius_share : float    as of a file of strands
     up_axis : str               axis of the file that is up, as of a file of strands
     basis : str                 as of a file of strands
     points_per_strand : int     as of a file of strands

@@ -12,7 +12,6 @@ import json
 import mmap
 import os
 import re
-import resource
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -21,15 +20,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from furcl.memory import limit_memory
 from furcl.paths import module_environment, python_command
 
 Planes = NDArray[np.float32]
 
 # Of decoded pixels, beside what the process takes anyway: the library's channels, and chunks.
 MEMORY_FACTOR = 3
-# Stacks and heaps of the library's threads are counted when they are reserved.
-THREAD_BYTES = 16 << 20
-SLACK_BYTES = 64 << 20
 
 
 def decode(path: Path, names: Sequence[str], planes: Planes) -> None:
@@ -101,19 +98,6 @@ def _reason(said: str, code: int) -> str:
     )
 
 
-def _limit_memory(n_bytes: int) -> None:
-    """Let this process take so much more."""
-    status = Path("/proc/self/status").read_text(encoding="utf-8")
-    found = re.search(r"VmData:\s*(\d+) kB", status)
-    if found is None:
-        return
-    limit = 1024 * int(found[1]) + n_bytes + SLACK_BYTES + THREAD_BYTES * (os.cpu_count() or 1)
-    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
-    if hard != resource.RLIM_INFINITY:
-        limit = min(limit, hard)
-    resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
-
-
 def main(request: str) -> int:
     """Decode what a request of `decode_apart` names; print what fails and return 1."""
     path, file, names, shape = json.loads(request)
@@ -121,7 +105,7 @@ def main(request: str) -> int:
     planes = np.frombuffer(mmap.mmap(file, n_bytes), np.float32).reshape(len(names), *shape)
     import OpenEXR  # noqa: F401  # before its memory is limited
 
-    _limit_memory(MEMORY_FACTOR * n_bytes)
+    limit_memory(MEMORY_FACTOR * n_bytes)
     try:
         decode(Path(path), names, planes)
     except (MemoryError, ValueError) as error:

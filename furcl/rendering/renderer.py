@@ -18,6 +18,7 @@ from furcl.image.image import Image
 from furcl.image.size import Window
 from furcl.rendering.arguments import Given, check_curves, check_samples, check_stops
 from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
+from furcl.rendering.held import Held
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
 from furcl.rendering.shutter import shutter_words
@@ -58,6 +59,8 @@ class Renderer:
     curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
                                     on their way
     target : Target or None         error at which `advance` stops before it has all samples
+    held : Held or None             numbers that all samples of a pixel share; where this is not
+                                    None, the attribute may be changed between calls of `advance`
 
     Attributes
     ----------
@@ -84,8 +87,14 @@ class Renderer:
         specialised: bool = True,
         curves: Given = None,
         target: Target | None = None,
+        held: Held | None = None,
     ) -> None:
         check_curves(curves)
+        if held and scene.render.sequence != "independent":
+            raise SceneError(
+                f"scene {scene.name!r}: render.sequence = {scene.render.sequence!r}: numbers can "
+                f"be held where samples are independent; set it to 'independent'"
+            )
         self.scene = scene
         self.device = device if isinstance(device, Device) else open_device(device)
         self.memory = Memory(self.device)
@@ -96,6 +105,7 @@ class Renderer:
             specialised=specialised,
             curves=curves,
             with_target=target is not None,
+            with_held=held is not None,
         )
         self.features = self.setup.features
         self.materials = self.setup.materials
@@ -105,6 +115,7 @@ class Renderer:
         self.wave_size = self.setup.wave_size
         self.seconds = dict(self.setup.seconds)
         self.target = target
+        self.held = held
         self.first_sample = 0
         self.plan: SamplePlan | None = None
         if self.film.plan:
@@ -164,6 +175,12 @@ class Renderer:
         if self.setup.learning:
             self.setup.learning.forget()
         self.seconds.pop("render", None)
+
+    def empty_film(self, seed: int) -> None:
+        """Take all samples out of the film; the next ones have another seed and are counted on, and
+        what was learned stays. Without a plan."""
+        self.scene = with_overrides(self.scene, seed=seed)
+        self.film.clear(self.device.queue)
 
     def look(self, camera: Camera) -> None:
         """Forget all samples; the next ones are seen by another camera.
@@ -313,6 +330,7 @@ class Renderer:
         """The struct Wave of the paths from `paths_done` on, and the number of their pixels."""
         wave = self._wave.copy()
         wave["seed"] = self.scene.render.seed
+        wave["held"] = self.held.word if self.held else 0
         spp = -(-end // self.n_pixels)
         learning = self.setup.learning
         if learning:

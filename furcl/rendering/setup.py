@@ -108,6 +108,7 @@ def set_up(
     specialised: bool = True,
     curves: Given = None,
     with_target: bool = False,
+    with_held: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
 
@@ -121,7 +122,9 @@ def set_up(
     lights = scene.build_lights()
     fibres = scene.build_fibres()
     meshes = scene.build_meshes()
-    features = scene_features(scene, list(fibres.values()), lights, meshes, with_target)
+    features = scene_features(scene, list(fibres.values()), lights, meshes, with_target).with_(
+        held=with_held
+    )
 
     def take_grooms() -> Grooms:
         with timed("curves"):
@@ -155,7 +158,7 @@ def set_up(
             grey = all(packed.grey for packed in bound.values())
             features = scene_features(
                 scene, list(fibres.values()), lights, meshes, with_target, grey
-            )
+            ).with_(held=with_held)
         if not specialised:
             features = everything_on(features)
         with timed("tables"):

@@ -155,6 +155,7 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
         "learning": (features.learning is not None, "roulette is not adjoint: nothing is learned"),
         "tables": (tables, "the sampler needs no attenuation tables"),
         "variance": (features.variance, "no variance was asked for"),
+        "held": (features.held, "no samples share numbers"),
         "planned": (features.planned, "all pixels take the same number of samples"),
         "statistics": (features.statistics, "no statistics were asked for"),
         "debug": (features.debug, "FURCL_DEBUG is not set"),

@@ -16,6 +16,7 @@ from furcl.files import check_regular, named, open_regular
 from furcl.paths import scene_folder
 from furcl.scene.camera import Camera
 from furcl.scene.document import MAX_BYTES, parse_toml
+from furcl.scene.from_groom import groom_document, is_groom
 from furcl.scene.overrides import Document, absolute_files, apply_overrides, keyword_overrides
 from furcl.scene.refusal import check_tables, refuse_missing, refuse_value
 from furcl.scene.schema import files_in, named_tables
@@ -40,12 +41,13 @@ def find_scene(name: str | os.PathLike[str]) -> Path:
 def load_scene(
     path: str | os.PathLike[str], *, overrides: Iterable[str] = (), **keywords: Any
 ) -> Scene:
-    """Read a TOML scene.
+    """Read a TOML scene, or make one of a groom file (furcl.scene.from_groom).
 
     Parameters
     ----------
     path : path                 of the scene file, or the name of one that comes with furcl, such as
-                                black_hair; relative files in it are sought beside it
+                                black_hair; relative files in it are sought beside it. Of a groom, a
+                                scene that frames it under a sky
     overrides : list of str     "dotted.key=VALUE", see `furcl.scene.overrides.apply_overrides`
     spp, seed, sampling, max_depth : replace the value of that name in the table [render]
     camera : str                replaces film.camera
@@ -62,7 +64,7 @@ def load_scene(
                                 missing file, bad TOML; the message starts with file name and key
     """
     path = find_scene(path)
-    document = named_lists(_read(path), str(path))
+    document = groom_document(path) if is_groom(path) else named_lists(_read(path), str(path))
     absolute_files(document, path.absolute().parent)
     document.setdefault("name", printable(path.stem))
     document = apply_overrides(document, [*overrides, *keyword_overrides(keywords)])

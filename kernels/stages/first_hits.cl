@@ -16,6 +16,7 @@
 #include <layers>
 #if FURCL_CAMERA_MOTION
 #include "camera/shutter.clh"
+#include "core/path_numbers.clh"
 #endif
 #if FURCL_SURFACE
 #include <surface>
@@ -159,7 +160,7 @@ __kernel void add_first_hits(
 #if FURCL_CAMERA_MOTION
         const PixelSample p = pixel_of_slot(paths, &wave, slot);
         const Camera seen_by =
-            moved_camera(&camera, shutter, uniform4(wave.seed, p.index, p.sample, DIM_TIME).x);
+            moved_camera(&camera, shutter, path_numbers(&wave, p.index, p.sample, DIM_TIME).x);
 #else
         const Camera seen_by = camera;
 #endif

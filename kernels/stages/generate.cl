@@ -5,6 +5,7 @@
    over     the wave's paths, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_closest */
 #include "camera/camera.clh"
+#include "core/path_numbers.clh"
 #if FURCL_MOTION || FURCL_CAMERA_MOTION
 #include "camera/shutter.clh"
 #endif
@@ -36,9 +37,9 @@ __kernel void generate(
             set_uint_lane(&pixel, k, of_lane[k].index);
             set_uint_lane(&sample, k, of_lane[k].sample);
         }
-        const Lanes4 xi = uniform_lanes(wave.seed, pixel, sample, DIM_FILM);
+        const Lanes4 xi = path_number_lanes(&wave, pixel, sample, DIM_FILM);
 #if FURCL_MOTION || FURCL_CAMERA_MOTION
-        const Lanes4 parts = uniform_lanes(wave.seed, pixel, sample, DIM_TIME);
+        const Lanes4 parts = path_number_lanes(&wave, pixel, sample, DIM_TIME);
 #endif
         const uint n = lanes_in_queue(first, wave.n_paths);
         for (uint k = 0; k < n; k++) {

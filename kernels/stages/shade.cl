@@ -144,8 +144,8 @@ __kernel void shade(
         const FibreHits hits = fibre_hits_from(first, paths, hit_queue, n_hits, &wave,
                                                bounce_dimension(depth, DIM_DIRECTION), vertices);
 #if FURCL_LIGHT_SAMPLING
-        const Lanes4 light_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
-                                              bounce_dimension(depth, DIM_LIGHT));
+        const Lanes4 light_xi = path_number_lanes(&wave, hits.pixel, hits.sample,
+                                                  bounce_dimension(depth, DIM_LIGHT));
 #endif
         /* Of roulette and, for light samples of lobes whose h it draws, of the sampler. */
         bool needed = roulette_plays(&wave, depth);
@@ -154,8 +154,8 @@ __kernel void shade(
 #endif
         Lanes4 ending_xi = {0.0f, 0.0f, 0.0f, 0.0f};
         if (needed)
-            ending_xi = uniform_lanes(wave.seed, hits.pixel, hits.sample,
-                                      bounce_dimension(depth, DIM_ROULETTE));
+            ending_xi = path_number_lanes(&wave, hits.pixel, hits.sample,
+                                          bounce_dimension(depth, DIM_ROULETTE));
         const uint n = lanes_in_queue(first, n_hits);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
@@ -170,7 +170,7 @@ __kernel void shade(
 #if FURCL_LIGHT_SAMPLING
             float4 choice = (float4)(0.0f);
 #if FURCL_LAMPS
-            choice = light_choice_numbers(wave.seed, uint_lane(&hits.pixel, k),
+            choice = light_choice_numbers(&wave, uint_lane(&hits.pixel, k),
                                           uint_lane(&hits.sample, k), depth);
 #endif
 #if FURCL_LAYER_LOBES

@@ -88,13 +88,13 @@ __kernel void shade_surface(
         at = surface_point(&surface, origin, direction, path_float(paths, PS_HIT_T, slot));
 #endif
         const float4 xi =
-            uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_DIRECTION));
+            path_numbers(&wave, p.index, p.sample, bounce_dimension(depth, DIM_DIRECTION));
         float4 light_xi = (float4)(0.0f), choice = (float4)(0.0f);
 #if FURCL_LIGHT_SAMPLING
 #if FURCL_LAMPS
-        choice = light_choice_numbers(wave.seed, p.index, p.sample, depth);
+        choice = light_choice_numbers(&wave, p.index, p.sample, depth);
 #endif
-        light_xi = uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
+        light_xi = path_numbers(&wave, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
 #endif
         const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi, choice);
 #if FURCL_MESH_EMISSION
@@ -103,7 +103,7 @@ __kernel void shade_surface(
         float ending_xi = 0.0f;
         if (roulette_plays(&wave, depth))
             ending_xi =
-                uniform4(wave.seed, p.index, p.sample, bounce_dimension(depth, DIM_ROULETTE)).x;
+                path_numbers(&wave, p.index, p.sample, bounce_dimension(depth, DIM_ROULETTE)).x;
         const PathQueues to = continue_path(paths, slot, ending_xi, &wave, depth, &bounce
 #if FURCL_LEARNING
             , &learned

@@ -14,8 +14,16 @@ from furcl.errors import GroomError
 from furcl.files import atomic_path, check_regular, named
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.flatten import flattened
-from furcl.groom.formats import hair_salon, mitsuba_text, npy, npz, ply, tressfx, yuksel_hair
 from furcl.groom.formats.format import BASES, Asked, Format, Strands
+from furcl.groom.formats.hair_salon import FORMAT as HAIR_SALON
+from furcl.groom.formats.mitsuba_text import FORMAT as MITSUBA_TEXT
+from furcl.groom.formats.npy import FORMAT as NPY
+from furcl.groom.formats.npz import FORMAT as NPZ
+from furcl.groom.formats.pbrt import FORMAT as PBRT
+from furcl.groom.formats.ply import FORMAT as PLY
+from furcl.groom.formats.tressfx import FORMAT as TRESSFX
+from furcl.groom.formats.usd import FORMAT as USD
+from furcl.groom.formats.yuksel_hair import FORMAT as YUKSEL_HAIR
 from furcl.groom.motion import time_steps
 from furcl.values import is_number, is_whole, shown
 
@@ -24,13 +32,15 @@ Writer = Callable[[Curves, BinaryIO, Path], None]
 
 #: furcl's own.
 FORMATS: tuple[Format, ...] = (
-    yuksel_hair.FORMAT,
-    npz.FORMAT,
-    ply.FORMAT,
-    mitsuba_text.FORMAT,
-    tressfx.FORMAT,
-    npy.FORMAT,
-    hair_salon.FORMAT,
+    YUKSEL_HAIR,
+    NPZ,
+    PLY,
+    USD,
+    MITSUBA_TEXT,
+    TRESSFX,
+    NPY,
+    HAIR_SALON,
+    PBRT,
 )
 #: Suffixes of what is known and not read, and what to do.
 NOT_READ = {

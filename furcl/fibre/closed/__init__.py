@@ -1,0 +1,1 @@
+"""What models share whose scattering function knows no offset h."""

@@ -1,0 +1,1 @@
+"""The fibre of Marschner et al. 2003."""

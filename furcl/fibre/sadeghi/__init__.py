@@ -1,0 +1,1 @@
+"""The fibre of Sadeghi et al. 2010."""

@@ -1,0 +1,169 @@
+"""What a USD stage has of curves, by usd-core, in a process of its own.
+
+`python -m furcl.groom.formats.usd_stage REQUEST`: a damaged file may crash the library, make it
+take any memory, or hang. The arrays go into memory that both processes share, as .npz.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from furcl.memory import limit_memory
+
+#: Names of inputs of surface shaders that hold their colour.
+COLOUR_INPUTS = (
+    "diffuseColor",
+    "base_color",
+    "baseColor",
+    "diffuse_color",
+    "diffuse_reflection_color",
+)
+#: Shown where a prim has no colour and others do, as USD's own viewers show it.
+FALLBACK_COLOUR = (0.18, 0.18, 0.18)
+
+
+def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What is said of the stage and its curves, and their arrays by number and name.
+
+    Of values that change with time the first ones are taken.
+
+    Raises
+    ------
+    Exception       whatever usd-core raises of a damaged file
+    """
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(path)
+    time = Usd.TimeCode.EarliestTime()
+    transforms = UsdGeom.XformCache(time)
+    said: dict[str, Any] = {
+        "up_axis": str(UsdGeom.GetStageUpAxis(stage)).lower(),
+        "metres": UsdGeom.GetStageMetersPerUnit(stage)
+        if stage.HasAuthoredMetadata("metersPerUnit")
+        else None,
+        "prims": [],
+        "left_out": {},
+    }
+    arrays: dict[str, np.ndarray] = {}
+
+    def leave_out(why: str) -> None:
+        said["left_out"][why] = said["left_out"].get(why, 0) + 1
+
+    prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    for prim in prims:
+        if prim.IsA(UsdGeom.PointInstancer):
+            leave_out("point_instancers")
+            prims.PruneChildren()
+        elif prim.IsA(UsdGeom.Mesh):
+            leave_out("meshes")
+        elif prim.IsA(UsdGeom.Curves):
+            imageable = UsdGeom.Imageable(prim)
+            if not prim.IsA(UsdGeom.BasisCurves):
+                leave_out(f"{prim.GetTypeName()}_prims")
+            elif imageable.ComputePurpose() not in ("default", "render"):
+                leave_out("guide_or_proxy_prims")
+            elif imageable.ComputeVisibility(time) == "invisible":
+                leave_out("invisible_prims")
+            else:
+                matrix = np.array(transforms.GetLocalToWorldTransform(prim))
+                said["prims"].append(_curves(prim, time, matrix, len(said["prims"]), arrays))
+    return said, arrays
+
+
+def _curves(prim, time, matrix, number, arrays) -> dict[str, Any]:
+    from pxr import UsdGeom
+
+    curves = UsdGeom.BasisCurves(prim)
+
+    def keep(name, value, dtype):
+        if value is not None:
+            arrays[f"{number}/{name}"] = np.asarray(value, dtype)
+
+    keep("counts", curves.GetCurveVertexCountsAttr().Get(time), np.int64)
+    points = curves.GetPointsAttr().Get(time)
+    if points is not None:
+        with np.errstate(all="ignore"):  # what is not finite is refused with the points
+            world = np.asarray(points, np.float64).reshape(-1, 3) @ matrix[:3, :3] + matrix[3, :3]
+            keep("points", world, np.float32)
+    keep("widths", curves.GetWidthsAttr().Get(time), np.float32)
+    values = {}
+    for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues():
+        name = primvar.GetPrimvarName()
+        value = primvar.ComputeFlattened(time)
+        if value is None or name in ("st", "uv"):
+            continue
+        try:
+            array = np.asarray(value, np.float32)
+        except (TypeError, ValueError):
+            continue  # of words, or of numbers in other shapes
+        if array.ndim == 0 or (array.ndim == 1 and not primvar.GetAttr().GetTypeName().isArray):
+            array = array[None]
+        if array.ndim == 1 or (array.ndim == 2 and array.shape[1] == 3):
+            keep(f"value {name}", array, np.float32)
+            values[name] = str(primvar.GetInterpolation())
+    with np.errstate(all="ignore"):
+        scale = float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+    return {
+        "path": str(prim.GetPath()),
+        "type": str(curves.GetTypeAttr().Get(time)),
+        "basis": str(curves.GetBasisAttr().Get(time)),
+        "wrap": str(curves.GetWrapAttr().Get(time)),
+        "widths": str(curves.GetWidthsInterpolation()),
+        "ribbons": bool(curves.GetNormalsAttr().HasAuthoredValue()),
+        "width_scale": scale,
+        "values": values,
+        "material": None if "displayColor" in values else _material_colour(prim, time),
+    }
+
+
+def _material_colour(prim, time) -> list[float] | None:
+    """The colour that the surface shader of the bound material says, if it is one number each."""
+    from pxr import UsdShade
+
+    material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
+    if not material:
+        return None
+    for context in ("", "arnold", "ri", "mtlx"):
+        shader = material.ComputeSurfaceSource(context)[0]
+        for name in COLOUR_INPUTS if shader else ():
+            given = shader.GetInput(name)
+            value = given.Get(time) if given and not given.HasConnectedSource() else None
+            if value is not None and np.shape(value) == (3,):
+                return [float(x) for x in value]
+    return None
+
+
+def write_result(path: str, file: BinaryIO) -> None:
+    """Write what a stage has to an open file: .npz, with what is said as text in it."""
+    try:
+        said, arrays = extract(path)
+    except MemoryError:
+        raise
+    except Exception as error:  # usd-core raises many kinds
+        said, arrays = {"error": str(error)[:2000] or type(error).__name__}, {}
+    text = np.frombuffer(json.dumps(said).encode(), np.uint8)
+    np.savez(file, allow_pickle=False, said=text, **{k: arrays[k] for k in arrays})
+
+
+def main(request: str) -> int:
+    """Read what a request of furcl.groom.formats.usd names."""
+    path, file, n_bytes, seconds = json.loads(request)
+    from pxr import Usd, UsdGeom, UsdShade  # noqa: F401  # before its memory is limited
+
+    limit_memory(n_bytes)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    limit = int(used.ru_utime + used.ru_stime + seconds) + 1
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+    with os.fdopen(file, "wb") as shared:
+        write_result(path, shared)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))
