@@ -13,6 +13,7 @@ import convergence_tables
 import intersect_tables
 import ladder_tables
 import model_tables
+import models_tables
 import paper_size_tables
 import render_tables
 import sharing_tables
@@ -29,6 +30,7 @@ DOCUMENTS = {
     | paper_size_tables.TABLES
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
+    "models/index.md": models_tables.TABLES,
     "sharing.md": sharing_tables.TABLES,
     "where_it_pays.md": where_it_pays_tables.TABLES,
 }

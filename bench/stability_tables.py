@@ -81,4 +81,26 @@ def stability() -> str:
     return "\n\n".join([circumstances(results), points, *(part(results) for part in parts)])
 
 
-TABLES = {"stability": stability}
+def models() -> str:
+    """Shorter runs of the other models: the worst lobe of each quantity."""
+    found = [load(f"stability-{name}/results.json") for name in MODELS]
+    rows = []
+    for results in found:
+        for quantity in ("attenuation", "evaluate", "pdf", "sample weight", "value over pdf"):
+            of = [r for r in results["rows"] if r["quantity"] == quantity]
+            rows.append(
+                [
+                    results["model"],
+                    quantity,
+                    f"{sum(r['points'] for r in of):,}",
+                    str(sum(r["nan"] + r["inf"] + r["negative"] for r in of)),
+                    blank(max(r["max_relative"] for r in of)),
+                    number(max(r["excess"] for r in of)),
+                ]
+            )
+    columns = ["model", "quantity", "points", "NaN, inf, < 0", "rel. error", "error / allowed"]
+    return f"{circumstances(*found)}\n\n{table(columns, rows)}"
+
+
+MODELS = ("chiang", "deon", "marschner", "sadeghi")
+TABLES = {"stability": stability, "stability-models": models}

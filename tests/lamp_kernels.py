@@ -146,7 +146,7 @@ __kernel void weigh(
     const uint i = get_global_id(0);
     const float3 origin = vload3(i, points), direction = vload3(i, directions);
     float3 found;
-#if FURCL_AREA_LAMPS
+#if FURCL_AREA_LAMPS || FURCL_LAMP_TRIANGLE
     if (lamp[i] >= 0.0f)
         found = radiance_of_lamp(light, (uint)lamp[i], distances[i], origin, direction, pdf[i]);
     else

@@ -31,7 +31,7 @@ from furcl.rendering.specialise import everything_on
 from furcl.rendering.wavefront import stage_defines, stage_files
 from furcl.scene.read import load_scene, with_overrides
 from furcl.surface.ellipsoid import PART
-from furcl.surface.mesh.mesh import MeshPart
+from furcl.surface.mesh.mesh import EVERY_MESH, MeshPart
 
 EVERY_LAYER = LayerPart(LAYERS, tuple(lobe.name for lobe in MODEL.lobes))
 
@@ -59,11 +59,18 @@ VALUES = {
         LampsPart(("disk", "spot")),
         LampsPart(("point",)),
         LampsPart(("distant",)),
+        LampsPart(("triangle",)),
     ),
     "light_sampling": (False, True),
     "point_radii": (False, True),
     "surface": (None, PART),
-    "meshes": (None, *(MeshPart(*flags) for flags in itertools.product((False, True), repeat=3))),
+    "meshes": (
+        None,
+        *(
+            MeshPart(*flags, coat=flags[1] != flags[2])
+            for flags in itertools.product((False, True), repeat=3)
+        ),
+    ),
     "motion": (0, 2),
     "camera_motion": (0, 1),
     "lens": (False, True),
@@ -275,8 +282,9 @@ ABSENT = [
     ({"absorption": "point"}, "shade", ("strand_of_vertex(", "popcount")),
     ({"meshes": None}, "intersect_closest", ("mesh_blocks", "reach", "behind")),
     ({"meshes": MeshPart(textures=False)}, "shade_surface", ("texture_colour(",)),
-    ({"meshes": MeshPart(emission=False)}, "shade_surface", ("at.emission",)),
+    ({"meshes": MeshPart(emission=False)}, "shade_surface", ("emitted_at(", "at->emission")),
     ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
+    ({"meshes": MeshPart(coat=False)}, "shade_surface", ("coat_sample(", "at->coat")),
     ({"lens": False}, "generate", ("sin_turn",)),
     ({"motion": 0}, "generate", ("groom_time(", "PS_TIME")),
     ({"motion": 0}, "intersect_closest", ("query.time", "PS_TIME", "groom->blocks[piece_of_time")),
@@ -317,7 +325,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
         "sequence": "sobol", "planned": True, "held": True,
         "fibres": 2, "absorption": "strand",
         "shadow_roulette": True, "learning": LearningPart(), "motion": 2, "camera_motion": 2,
-        "meshes": MeshPart(normals=True, textures=True, emission=True),
+        "meshes": EVERY_MESH,
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
     for word in words:

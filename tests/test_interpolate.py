@@ -1,9 +1,14 @@
 """Children of guide strands."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from mesh_files import obj_text
 from scene_documents import minimal
+from scipy.stats import chisquare
 
+from furcl.errors import GroomError, SceneError
 from furcl.groom.curves import Curves
 from furcl.groom.formats import save_curves
 from furcl.groom.grow.interpolate import NEIGHBOURS, children
@@ -135,3 +140,105 @@ def test_a_scene_grows_children(tmp_path, guides):
     curves = decode_scene(minimal(curves={**table, "radius_scale": 2.0})).build_curves()
     assert curves.n_strands == 500
     assert curves.radii.min() > 0.019
+
+
+@pytest.fixture
+def hill(tmp_path):
+    """A mesh over the square of the guides and far beyond it, z = x / 10, of uneven triangles."""
+    x = np.concatenate([np.linspace(-20.0, 4.0, 5), np.linspace(4.5, 31.0, 40)])
+    corners = []
+    for left, right in pairwise(x):
+        a, b, c, d = ([u, v, 0.1 * u] for u in (left, right) for v in (-20.0, 31.0))
+        corners += [[a, c, d], [a, d, b]]
+    path = tmp_path / "hill.obj"
+    path.write_text(obj_text(np.array(corners)))
+    return str(path)
+
+
+def on_mesh(tmp_path, guides, mesh_file, **changes):
+    """Children on a mesh, as a scene grows them."""
+    save_curves(guides, tmp_path / "guides.npz")
+    table = {
+        "generator": "interpolate", "file": str(tmp_path / "guides.npz"), "mesh_file": mesh_file,
+        "n_strands": 20_000, "n_points": 4, "length_variation": 0.0,
+    }  # fmt: skip
+    return decode_scene(minimal(curves={**table, **changes})).build_curves()
+
+
+def test_roots_are_on_the_mesh_where_guides_are(tmp_path, guides, hill):
+    """Evenly, whatever its triangles are, within reach of a guide and not beyond."""
+    root = strands_of(on_mesh(tmp_path, guides, hill, root_reach=1.8), 4)[:, 0]
+    np.testing.assert_allclose(root[:, 2], 0.1 * root[:, 0], atol=1e-5)
+    distance = np.linalg.norm(
+        root[:, None] - strands_roots(guides)[None].astype(np.float64), axis=2
+    ).min(axis=1)
+    assert distance.max() <= 1.8 + 1e-5
+    assert root[:, :2].min() < -1.0
+    counts, _, _ = np.histogram2d(*root[:, :2].T, bins=5, range=((0, 10), (0, 10)))
+    assert chisquare(counts.ravel()).pvalue > 0.01
+    skewed = counts * np.linspace(0.85, 1.15, 5)
+    assert chisquare(skewed.ravel() * counts.sum() / skewed.sum()).pvalue < 1e-6
+
+
+def test_children_on_a_mesh_go_as_the_guides_around_them(tmp_path, guides, hill):
+    """Within the square their ways are between those of the guides next to them: the field is
+    linear, and weights fall with distance. At a guide's root a child is that guide."""
+    found = strands_of(on_mesh(tmp_path, guides, hill), 4)
+    root, way = found[:, 0], found[:, -1] - found[:, 0]
+    inside = ((root[:, :2] > 1.0) & (root[:, :2] < 10.0)).all(axis=1)
+    expected = np.array([0.3, 0.1, 2.0]) + 0.05 * root[:, :1] * [1.0, 0.0, 0.0]
+    assert np.abs(way - expected)[inside].max() < 0.05
+    at = strands_roots(guides)
+    same = children(guides, n_strands=144, n_points=4, length_variation=0.0, roots=at)
+    whole = children(guides, n_strands=144, n_points=4, length_variation=0.0, spread_deg=0.0)
+    ways = [strands_of(c, 4)[:, -1] - strands_of(c, 4)[:, 0] for c in (same, whole)]
+    found, expected = (np.sort(way, axis=0) for way in ways)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_children_on_a_mesh_are_the_same_again(tmp_path, guides, hill):
+    again = [on_mesh(tmp_path, guides, hill, seed=seed).points for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(again[0], again[1])
+    assert not np.array_equal(again[0], again[2])
+
+
+def test_guides_must_be_at_the_mesh(tmp_path, guides, hill):
+    with pytest.raises(GroomError, match=r"hill\.obj: next to nothing of it is within 0\.0001 of"):
+        on_mesh(tmp_path, guides, hill, root_reach=1e-4)
+    one = Curves.from_arrays(np.array([[[0, 0, 0], [0, 0, 1.0]]]), 0.1)
+    with pytest.raises(GroomError, match=r"1 guides say not how far .* give curves.root_reach"):
+        on_mesh(tmp_path, one, hill)
+    with pytest.raises(SceneError, match=r"root_reach = 1.*: roots are on no mesh; give mesh_file"):
+        on_mesh(tmp_path, guides, None, root_reach=1.0)
+
+
+def test_children_of_a_guide_are_a_clump(guides):
+    found = children(guides, n_strands=3000)
+    own = np.unique(found.attributes["clump"])
+    assert len(own) == 144
+    assert own.min() >= 0.0
+    assert own.max() < 1.0
+    assert np.diff(own).max() < 3.0 / 144
+
+
+@pytest.mark.parametrize("generator", ["hair", "fur"])
+def test_grown_strands_of_a_clump_share_a_number(generator):
+    """And are nearer to each other at their tips than to the rest."""
+    table = {"generator": generator, "n_strands": 2000, "n_clumps": 20, "clumping": 1.0}
+    if generator == "fur":
+        table |= {"surface": "patch", "comb_noise_deg": 0.0}
+    curves = decode_scene(minimal(curves=table)).build_curves()
+    clump = curves.attributes["clump"]
+    assert 10 < len(np.unique(clump)) <= 20
+    tips = curves.points[curves.offsets[1:] - 1].astype(np.float64)
+    within = np.mean([tips[clump == c].std(axis=0).sum() for c in np.unique(clump)])
+    assert within < 0.6 * tips.std(axis=0).sum()
+    none = decode_scene(minimal(curves={**table, "n_clumps": 0})).build_curves()
+    assert "clump" not in none.attributes
+
+
+def test_a_mesh_is_turned_as_its_guides(tmp_path, guides, hill):
+    """With y up both are turned: the same children, turned."""
+    plain = on_mesh(tmp_path, guides, hill, n_strands=500).points
+    up = on_mesh(tmp_path, guides, hill, n_strands=500, up_axis="y").points
+    np.testing.assert_allclose(up, plain[:, [0, 2, 1]] * [1.0, -1.0, 1.0], atol=1e-5)

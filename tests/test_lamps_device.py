@@ -95,7 +95,10 @@ def test_rays_weigh_light_by_the_density_of_samples(device, name, place, rng):
     ways = rng.normal(size=(N // 4, 3))
     directions = np.concatenate([aims, ways / np.linalg.norm(ways, axis=1)[:, None]])
     origins = np.concatenate([points[area], points[: N // 4]])
-    t, met = lamp_kernels.trace(device, lights, origins, directions)
+    if lamps_of(lights).part().area:
+        t, met = lamp_kernels.trace(device, lights, origins, directions)
+    else:  # of triangles rays meet the mesh
+        t, met = lamps_of(lights).closest(origins, directions)
     first = np.zeros(0, bool)
     if len(aims):
         lamp, distances = host.lamp[area], found.distances[area]
@@ -103,7 +106,9 @@ def test_rays_weigh_light_by_the_density_of_samples(device, name, place, rng):
         # Rounding moves rays at an edge past it.
         assert (first | blocked).mean() > 0.9995
         assert first.mean() > 0.3
-        np.testing.assert_allclose(t[: len(aims)][first], distances[first], rtol=1e-4)
+        # Samples of triangles end a little before them, the more the flatter they are seen.
+        ends = 1e-4 if lamps_of(lights).part().area else 3e-4
+        np.testing.assert_allclose(t[: len(aims)][first], distances[first], rtol=ends)
     for density in (0.0, 0.7):
         pdf = np.full(len(directions), density)
         seen = lamp_kernels.weigh(device, lights, origins, directions, pdf, met, t)

@@ -69,7 +69,7 @@ def test_lamps_that_cannot_be_built_say_which(lamp, message):
 def test_a_scene_needs_some_light(tmp_path):
     path = tmp_path / "a.toml"
     path.write_text('[fibre]\npreset = "human-black"\n[curves]\ngenerator = "fibre"\n')
-    with pytest.raises(SceneError, match="environment is missing; add it or a lamp"):
+    with pytest.raises(SceneError, match="environment is missing; add it, a lamp or"):
         load_scene(path)
     path.write_text(path.read_text() + '[[lamp]]\nkind = "point"\nintensity = 1.0\n')
     scene = load_scene(path, overrides=["lamp.lamp1.intensity=3.0"])
@@ -129,9 +129,10 @@ def test_dark_lamps_are_never_taken_and_stop_rays(device, rng):
     assert np.isfinite(t).all()
 
 
-def test_50_000_lamps_are_all_of_their_light(device, rng):
+@pytest.mark.parametrize("n_lamps", [50_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
+def test_many_lamps_are_all_of_their_light(device, rng, n_lamps):
     """The mean over light samples is the sum over all lamps, without a shadow."""
-    lights = Lights(None, lamp_kernels.triangles(50_000))
+    lights = Lights(None, lamp_kernels.triangles(n_lamps))
     point, n = np.zeros(3), 100_000
     points = np.broadcast_to(point, (n, 3))
     found = lamp_kernels.choose(device, lights, points, rng.random((n, 2)), rng.random((n, 4)))

@@ -222,10 +222,10 @@ NO_LAYERS = {
 
 
 # What the part of lamps defines, for scenes without any.
-NO_LAMPS = {"FURCL_LAMPS": 0, "FURCL_AREA_LAMPS": 0, "FURCL_LAMP_DISTANT": 0}
+NO_LAMPS = {f"FURCL_{name}": 0 for name in ("LAMPS", "AREA_LAMPS", "LAMP_DISTANT", "LAMP_TRIANGLE")}
 
 # What the part of meshes defines, for kernels without them.
-NO_MESHES = {"FURCL_MESH_NORMALS": 0, "FURCL_MESH_TEXTURES": 0, "FURCL_MESH_EMISSION": 0}
+NO_MESHES = {f"FURCL_MESH_{name}": 0 for name in ("NORMALS", "TEXTURES", "EMISSION", "COAT")}
 
 PARTS = ("fibre", "sampler", "light", "lamps", "surface", "meshes", "learning", "layers")
 PLAIN_NAMES = {

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from furcl.errors import GroomError
 from furcl.fibre.pigment import COLOUR_RANGE, EUMELANIN, PHEOMELANIN
+from furcl.groom.attributes import CLUMP
 from furcl.groom.curves import Curves
 from furcl.image.colour import srgb_decode
 from furcl.table import Table
@@ -40,6 +41,7 @@ class Absorption(Table, frozen=True, kw_only=True):
     strand can be lighter or darker at random. Attributes are the arrays of the groom's file, such
     as `colours`, and where it has none of that name `along` (place along the strand, 0 at the root
     to 1 at the tip), `random` (a number of 0 to 1 for each strand) and `length` (of the strand).
+    Grown hair and fur and children of guides have `clump`, such a number for each clump.
 
     Attributes
     ----------
@@ -185,9 +187,11 @@ class Absorption(Table, frozen=True, kw_only=True):
 
 
 def unused_attributes(curves: Curves, absorption: Absorption | None) -> list[str]:
-    """Names of the arrays that a groom's file has and its material does not use."""
+    """Names of the arrays that a groom's file has and its material does not use; what generators
+    give every groom is none of them."""
     used = None if absorption is None else absorption.name
-    return [name for name in (*curves.attributes, *curves.ignored) if name != used]
+    names = (*curves.attributes, *curves.ignored)
+    return [name for name in names if name not in (used, CLUMP)]
 
 
 def _attribute(curves: Curves, name: str, seed: int, where: str, groom: str) -> Values:

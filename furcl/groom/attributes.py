@@ -14,6 +14,18 @@ Attributes = Mapping[str, NDArray[np.float32]]
 RESERVED = ("points", "radii", "radius", "offsets", "counts", "times")
 """Names of arrays that are no attributes."""
 
+CLUMP = "clump"
+"""The attribute of strands that generators which make clumps give them."""
+
+
+def clump_values(clump: NDArray[np.integer]) -> NDArray[np.float32]:
+    """Numbers in [0, 1) of strands (S,) by the numbers of their clumps, alike within a clump.
+
+    Clumps are spread evenly over the range, in no order: multiples of the golden ratio modulo 1.
+    """
+    golden = 0.5 * (np.sqrt(5.0) - 1.0)
+    return np.minimum(np.float32(np.modf(clump * golden)[0]), np.float32(1.0 - 2.0**-24))
+
 
 def checked_values(
     given: Mapping[str, ArrayLike],

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furcl.errors import GroomError
 from furcl.groom.curves import Curves, adopted
@@ -14,6 +16,17 @@ from furcl.values import is_number, shown
 #: Columns and signs that turn a groom so that an axis of it becomes z.
 _TURNS = {"x": ((1, 2, 0), (1, 1, 1)), "y": ((0, 2, 1), (1, -1, 1)), "z": ((0, 1, 2), (1, 1, 1))}
 UP_AXES = tuple(_TURNS)
+
+
+def axis_up(curves: Curves, up_axis: str | None) -> str:
+    """The axis of a groom that is up: one that is given, what its file says, or z."""
+    return up_axis or curves.units.up_axis or "z"
+
+
+def turned(points: NDArray[Any], axis: str) -> NDArray[Any]:
+    """Points (n, 3) so turned that an axis of UP_AXES becomes z."""
+    columns, signs = _TURNS[axis]
+    return points[:, columns] * np.array(signs, points.dtype)
 
 
 def z_up(curves: Curves, up_axis: str | None = None) -> Curves:
@@ -27,17 +40,18 @@ def z_up(curves: Curves, up_axis: str | None = None) -> Curves:
     ------
     GroomError          another axis
     """
-    axis = up_axis or curves.units.up_axis or "z"
+    axis = axis_up(curves, up_axis)
     if axis not in _TURNS:
         raise GroomError(f"up axis = {shown(axis)}; it must be one of {', '.join(_TURNS)}.")
-    columns, signs = _TURNS[axis]
     units = Units(curves.units.metres, "z" if up_axis or curves.units.up_axis else None)
     points, steps = curves.points, curves.steps
     if axis != "z":
-        moves = steps is not None
-        turned = (steps if moves else points)[..., columns] * np.array(signs, np.float32)
-        turned.flags.writeable = False
-        points, steps = (turned[0], turned) if moves else (turned, None)
+        points = turned(points, axis)
+        points.flags.writeable = False
+        if steps is not None:
+            steps = np.stack([turned(step, axis) for step in steps])
+            steps.flags.writeable = False
+            points = steps[0]
     return dataclasses.replace(curves, points=points, steps=steps, units=units)
 
 

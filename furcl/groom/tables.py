@@ -10,11 +10,15 @@ import logging
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from furcl.errors import GroomError
 from furcl.groom import grow
 from furcl.groom.curves import ADVICE, Curves
+from furcl.surface.mesh.read import read_mesh
+from furcl.surface.mesh.triangles import Triangles
 from furcl.table import Length, Table
 
 log = logging.getLogger(__name__)
@@ -63,8 +67,17 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
     def build(self) -> Curves:
         from furcl.groom.orient import z_up
 
+        return z_up(self.read(), self.up_axis)
+
+    def read(self) -> Curves:
+        """The groom in the axes of its file.
+
+        Raises
+        ------
+        GroomError      if the file cannot be used
+        """
         try:
-            curves = self._read(self.default_radius)
+            return self._read(self.default_radius)
         except GroomError as error:
             share = self.default_radius_share
             if ADVICE not in str(error) or share is None or self.default_radius is not None:
@@ -80,8 +93,7 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
                 radius,
                 share,
             )
-            curves = self._read(radius)
-        return z_up(curves, self.up_axis)
+            return self._read(radius)
 
     def _read(self, default_radius: float | None) -> Curves:
         from furcl.groom.formats import load_curves
@@ -96,7 +108,7 @@ class FileCurves(CurvesTable, frozen=True, kw_only=True, tag="file"):
 
 
 class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate"):
-    """Children of the guide strands in a file: hair or fur between them.
+    """Children of the guide strands in a file: hair or fur between them, or on a mesh near them.
 
     Attributes
     ----------
@@ -107,6 +119,11 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
     up_axis : str               axis of the file that is up, as of a file of strands
     basis : str                 as of a file of strands
     points_per_strand : int     as of a file of strands
+    mesh_file : str             .obj or .ply on which the children's roots are, spread evenly where
+                                guides are near; in the space of the guides' file. Left out, they
+                                are between those of the guides
+    root_reach : float          how far from a guide's root roots may be on the mesh; left out,
+                                twice the median distance of guides from the next one [unit]
     n_strands : int             children
     n_points : int              points a child; as many as guides have at most if left out
     seed : int                  of the random numbers
@@ -120,6 +137,8 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
     radius_variation : float    v: relative, uniform in [1 - v, 1 + v]
     """
 
+    mesh_file: str | None = None
+    root_reach: Length | None = None
     n_strands: Annotated[int, Meta(ge=1, le=50_000_000)] = 100_000
     n_points: Annotated[int, Meta(ge=2, le=4096)] | None = None
     seed: Annotated[int, Meta(ge=0, le=(1 << 63) - 1)] = 1
@@ -130,17 +149,58 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
     radius: Length | None = None
     radius_variation: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.root_reach is not None and self.mesh_file is None:
+            raise ValueError(
+                f"root_reach = {self.root_reach}: roots are on no mesh; give mesh_file, or leave "
+                f"it out"
+            )
+
     def build(self) -> Curves:
         from furcl.groom.grow.interpolate import children
+        from furcl.groom.orient import axis_up, z_up
 
-        guides = super().build()
+        read = self.read()
+        guides, axis = z_up(read, self.up_axis), axis_up(read, self.up_axis)
         if guides.times:
             raise GroomError(
                 f"{self.file}: guides that move have no children yet; write the guides of one time "
                 f"step, or the children of all of them."
             )
-        own = set(self.__struct_fields__) - set(FileCurves.__struct_fields__)
-        return children(guides, **{name: getattr(self, name) for name in own}, source=self.file)
+        not_own = {*FileCurves.__struct_fields__, "mesh_file", "root_reach"}
+        own = set(self.__struct_fields__) - not_own
+        return children(
+            guides,
+            **{name: getattr(self, name) for name in own},
+            roots=None if self.mesh_file is None else self._roots(self.mesh_file, guides, axis),
+            source=self.file,
+        )
+
+    def _roots(self, mesh_file: str, guides: Curves, axis: str) -> NDArray[np.float64]:
+        """Roots (n_strands, 3) on the mesh, whose `axis` is up.
+
+        Raises
+        ------
+        MeshError, GroomError       a mesh that cannot be used, or that guides are not on
+        """
+        from furcl.groom.grow.mesh_roots import roots_near, usual_reach
+        from furcl.groom.orient import turned
+
+        mesh = read_mesh(mesh_file)
+        vertices = turned(mesh.vertices, axis)
+        triangles = Triangles.from_arrays(vertices, mesh.faces, smooth=False, where=mesh_file)
+        of_guides = guides.points[guides.offsets[:-1]].astype(np.float64)
+        reach = self.root_reach or usual_reach(of_guides)
+        if not reach > 0.0:
+            raise GroomError(
+                f"{self.file}: {guides.n_strands} guides say not how far around them roots are; "
+                f"give curves.root_reach"
+            )
+        # Numbers of their own: as many roots as strands change none of the strands.
+        rng = np.random.default_rng([self.seed, 2])
+        corners = triangles.corners.astype(np.float64)
+        return roots_near(corners, of_guides, self.n_strands, reach, rng, mesh_file)
 
 
 class _Grown(CurvesTable, frozen=True, kw_only=True):

@@ -119,9 +119,9 @@ def set_up(
     GroomError, SceneError, ResourceError, KernelBuildError
     """
     timed = Timer()
-    lights = scene.build_lights()
-    fibres = scene.build_fibres()
     meshes = scene.build_meshes()
+    lights = scene.build_lights(meshes)
+    fibres = scene.build_fibres()
     features = scene_features(scene, list(fibres.values()), lights, meshes, with_target).with_(
         held=with_held
     )
@@ -305,7 +305,9 @@ def _wavefront(
     buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
     shading = None
     if meshes and isinstance(features.meshes, MeshPart):
-        shading = memory.upload("mesh shading", meshes.shading(features.meshes))
+        lit = sum(len(mesh.triangles) for mesh in meshes.lamps)
+        first_lamp = lights.lamps.n_placed - lit if lights.lamps else 0
+        shading = memory.upload("mesh shading", meshes.shading(features.meshes, first_lamp))
     camera = scene.resolved_camera(curves, meshes)
     return Wavefront(
         memory,

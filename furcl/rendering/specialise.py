@@ -17,7 +17,7 @@ from furcl.rendering.learning import LearningPart
 from furcl.scene.tables import Scene
 from furcl.settings import switched_on
 from furcl.surface.kinds import ABSENT
-from furcl.surface.mesh.mesh import Meshes, MeshPart
+from furcl.surface.mesh.mesh import EVERY_MESH, Meshes
 
 
 def scene_features(
@@ -111,7 +111,7 @@ def everything_on(features: Features) -> Features:
         point_radii=True,
         lamps=features.lamps.everything_on() if isinstance(features.lamps, LampsPart) else None,
         surface=features.surface or ABSENT.part,
-        meshes=features.meshes and MeshPart(normals=True, textures=True, emission=True),
+        meshes=features.meshes and EVERY_MESH,
         lens=True,
         crop=True,
         roulette=True,
@@ -130,6 +130,7 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
         "mesh_normals": "no mesh is smooth",
         "mesh_textures": "no mesh has a texture",
         "mesh_emission": "no mesh emits light",
+        "mesh_coat": "no mesh has a coat",
     }
     tables = material.tables is not None
     return {

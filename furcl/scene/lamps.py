@@ -20,6 +20,7 @@ from furcl.light.lamps.lamps import Lamps
 from furcl.light.lamps.point import spot_solid_angle
 from furcl.light.lamps.record import Array, Records, records
 from furcl.scene.transform import Transform
+from furcl.surface.mesh.mesh import Mesh, Meshes
 from furcl.table import Length, Rgb, Table, Vec3, triple
 
 Amount = Annotated[float, Meta(ge=0.0, le=1e15)]
@@ -292,16 +293,25 @@ def tables() -> dict[str, type[Lamp]]:
     return {str(table.__struct_config__.tag): table for table in TABLES}
 
 
-def build(lamps: Mapping[str, Lamp], by_position: bool = True) -> Lamps | None:
-    """The lamps of tables by name; None where there are none.
+def build(
+    lamps: Mapping[str, Lamp], by_position: bool = True, meshes: Meshes | None = None
+) -> Lamps | None:
+    """The lamps of tables by name, then the triangles of meshes that emit light; None where there
+    are none.
 
     Raises
     ------
     LightError      a lamp without extent where one is needed, or brighter than LARGEST; too many
     """
-    if not lamps:
-        return None
-    return Lamps.make([_checked(name, lamp) for name, lamp in lamps.items()], by_position)
+    parts = [_checked(name, lamp) for name, lamp in lamps.items()]
+    parts += [_triangles(mesh) for mesh in (meshes.lamps if meshes else [])]
+    return Lamps.make(parts, by_position) if parts else None
+
+
+def _triangles(mesh: Mesh) -> Records:
+    """The triangles of a mesh as lamps, all of them and in their order."""
+    a, b, c = np.moveaxis(mesh.triangles.corners.astype(np.float64), 1, 0)
+    return planar.flat("triangle", a, b - a, c - a, mesh.emission)
 
 
 def _checked(name: str, lamp: Lamp) -> Records:

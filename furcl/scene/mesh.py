@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from furcl.errors import MeshError
 from furcl.scene.transform import Transform
+from furcl.surface.mesh.coat import ETA_RANGE, ROUGHNESS_RANGE, Coat
 from furcl.surface.mesh.mesh import Mesh
 from furcl.surface.mesh.read import read_mesh
 from furcl.surface.mesh.texture import read_texture
@@ -20,8 +21,27 @@ from furcl.table import Rgb, Table, check_range, triple
 ALBEDO = 0.5
 
 
+class CoatTable(Table, frozen=True, kw_only=True):
+    """A clear coat over a mesh, such as the oil and the outer layer of skin: one rough boundary.
+
+    What it does not reflect, the base under it does: a white base under any coat is white.
+
+    Attributes
+    ----------
+    eta : float             its index of refraction over that outside
+    roughness : float       its square is the alpha of GGX
+    """
+
+    eta: Annotated[float, Meta(ge=ETA_RANGE[0], le=ETA_RANGE[1])] = Coat.eta
+    roughness: Annotated[float, Meta(ge=ROUGHNESS_RANGE[0], le=ROUGHNESS_RANGE[1])] = Coat.roughness
+
+    def build(self) -> Coat:
+        """The coat."""
+        return Coat(self.eta, self.roughness)
+
+
 class MeshTable(Table, frozen=True, kw_only=True):
-    """A mesh of triangles, OBJ or PLY: diffuse on both sides.
+    """A mesh of triangles, OBJ or PLY: diffuse on both sides, under a coat if it has one.
 
     Attributes
     ----------
@@ -35,6 +55,7 @@ class MeshTable(Table, frozen=True, kw_only=True):
     texture_file : str          picture of what it reflects, .exr, .png or .jpg, placed by the
                                 file's texture coordinates and repeated
     emission : (r,g,b)          radiance that it emits outwards
+    coat : table                a clear coat over it, for skin
     """
 
     file: Annotated[str, Meta(examples=["head.obj"])]
@@ -43,6 +64,7 @@ class MeshTable(Table, frozen=True, kw_only=True):
     albedo: Rgb | None = None
     texture_file: str | None = None
     emission: Rgb = 0.0
+    coat: CoatTable | None = None
 
     def __post_init__(self) -> None:
         if self.albedo is not None:
@@ -78,7 +100,8 @@ class MeshTable(Table, frozen=True, kw_only=True):
         albedo = self.albedo
         if albedo is None:
             albedo = ALBEDO if texture is None else 1.0
-        return Mesh(triangles, triple(albedo), texture, triple(self.emission))
+        coat = None if self.coat is None else self.coat.build()
+        return Mesh(triangles, triple(albedo), texture, triple(self.emission), coat)
 
     def _turned(self, normals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Normals of the file in the scene; those without a length stay so."""

@@ -138,10 +138,10 @@ def decode_scene(document: Document, source: str = "scene") -> Scene:
                 f"{source}: {'.'.join(keys)} = {shown(name)}: {reason}; correct the path (relative "
                 f"ones are sought beside the scene file, those of --set where you are)"
             ) from None
-    if scene.environment is None and not scene.lamp:
+    if scene.environment is None and not scene.lamp and not scene.has_bright_meshes:
         raise SceneError(
-            f"{source}: environment is missing; add it or a lamp to the file, or give --set "
-            f"environment.kind=constant"
+            f"{source}: environment is missing; add it, a lamp or a mesh with emission to the "
+            f"file, or give --set environment.kind=constant"
         )
     _check_grooms(scene, source)
     _check_cameras(scene, source)

@@ -38,7 +38,7 @@ from furcl.scene.mesh import MeshTable
 from furcl.surface import kinds as surfaces
 from furcl.surface.mesh.mesh import Meshes
 from furcl.surface.model import Surface
-from furcl.table import Table
+from furcl.table import Table, triple
 
 Keys = tuple[str, ...]
 """What leads to a value of a scene document, from the outermost table in."""
@@ -346,8 +346,13 @@ class Scene(Table, frozen=True, kw_only=True):
             )
         return lights.from_table(self.environment)
 
-    def build_lights(self) -> Lights:
+    def build_lights(self, meshes: Meshes | None = None) -> Lights:
         """The environment and the lamps; files are read here.
+
+        Parameters
+        ----------
+        meshes : Meshes or None     those of `build_meshes`, if light samples are to find those of
+                                    them that emit light
 
         Raises
         ------
@@ -355,7 +360,13 @@ class Scene(Table, frozen=True, kw_only=True):
         LightError      if a lamp cannot be used
         """
         environment = None if self.environment is None else self.build_light()
-        return Lights(environment, lamps.build(self.lamp, self.render.lamp_choice == "position"))
+        by_position = self.render.lamp_choice == "position"
+        return Lights(environment, lamps.build(self.lamp, by_position, meshes))
+
+    @property
+    def has_bright_meshes(self) -> bool:
+        """Whether meshes emit light."""
+        return any(any(triple(table.emission)) for table in self.mesh.values())
 
     def placed_lamps(self) -> list[str]:
         """Keys of the lamps that have a place, in the order of `Lights`."""

@@ -1,18 +1,35 @@
 /* Stage 4 of surfaces. The next ray and the light sample of paths that met a surface or a mesh. */
 #include "core/continue_path.clh"
+#include "surface/diffuse.clh"
 #if FURCL_SURFACE
 #include <surface>
 #endif
 #if FURCL_MESHES
 #include <meshes>
 #endif
-#include "surface/diffuse.clh"
 #if FURCL_LIGHT_SAMPLING
 #include "light/lights.clh"
 #endif
 
+#if FURCL_MESH_EMISSION
+/* The light of a mesh where the ray of a path met it, weighed against light samples. */
+static inline Spectrum emitted_at(
+    const SurfacePoint* at, Paths paths, uint slot, __global const float* light, float3 origin, float3 direction)
+{
+#if FURCL_LIGHT_SAMPLING && FURCL_LAMP_TRIANGLE
+    const float pdf = path_float(paths, PS_DIR_PDF, slot);
+    if (at->lamp != FURCL_NO_LAMP && pdf > 0.0f) {
+        const float density = lamp_density(
+            lamp_at(light, at->lamp), origin, direction, path_float(paths, PS_HIT_T, slot));
+        return weight_of_lamp(light, at->lamp, density, origin, pdf) * at->emission;
+    }
+#endif
+    return at->emission;
+}
+#endif
+
 static inline Bounce scatter_at_surface(
-    const SurfacePoint* at, __global const float* light, float4 xi, float4 light_xi, float4 choice)
+    const SurfacePoint* at, float3 out, __global const float* light, float4 xi, float4 light_xi, float4 choice)
 {
     Bounce bounce;
     float pdf;
@@ -20,6 +37,14 @@ static inline Bounce scatter_at_surface(
     bounce.direction = diffuse_sample(at, xi.xy, &pdf);
     bounce.from_segment = at->from_segment;
     bounce.weight = at->albedo;
+#if FURCL_MESH_COAT
+    if (at->coat) {
+        Reflection r;
+        bounce.direction = coat_sample(at, out, xi.xyz, &r);
+        pdf = r.pdf;
+        bounce.weight = pdf > 0.0f ? r.value / pdf : spectrum(0.0f);
+    }
+#endif
 #if FURCL_LIGHT_LAYERS
     bounce.first = FURCL_LOBE_LAYERS;
 #endif
@@ -32,9 +57,17 @@ static inline Bounce scatter_at_surface(
 #if FURCL_AREA_LAMPS
     bounce.light_lamp = chosen.lamp;
 #endif
-    const float towards = diffuse_pdf(at, sample.direction);
+    float towards = diffuse_pdf(at, sample.direction);
+    Spectrum reflected = at->albedo * towards;
+#if FURCL_MESH_COAT
+    if (at->coat) {
+        const Reflection r = coat_reflection(at, out, sample.direction);
+        towards = r.pdf;
+        reflected = r.value;
+    }
+#endif
     bounce.light = towards > 0.0f && sample.pdf > 0.0f
-        ? at->albedo * towards / (rival_density(&chosen, towards) + sample.pdf) * spectrum_from3(sample.radiance)
+        ? reflected / (rival_density(&chosen, towards) + sample.pdf) * spectrum_from3(sample.radiance)
         : spectrum(0.0f);
 #endif
     return bounce;
@@ -42,7 +75,7 @@ static inline Bounce scatter_at_surface(
 
 /* Continues paths that met a surface: light of its own, next ray, light sample, Russian roulette.
 
-   reads    state: ORIGIN, DIR, HIT_*, THROUGHPUT; meshes, light
+   reads    state: ORIGIN, DIR, HIT_*, THROUGHPUT, DIR_PDF; meshes, light
    writes   state: ORIGIN, DIR, FROM_SEGMENT, THROUGHPUT, RADIANCE, DIR_PDF, SHADOW_*; next queue, shadow
             queue
    over     the last hit queue, FURCL_PATHS_PER_ITEM a work-item
@@ -96,9 +129,10 @@ __kernel void shade_surface(
 #endif
         light_xi = path_numbers(&wave, p.index, p.sample, bounce_dimension(depth, DIM_LIGHT));
 #endif
-        const Bounce bounce = scatter_at_surface(&at, light, xi, light_xi, choice);
+        const Bounce bounce = scatter_at_surface(&at, -direction, light, xi, light_xi, choice);
 #if FURCL_MESH_EMISSION
-        const Spectrum emitted = path_spectrum(paths, PS_THROUGHPUT, slot) * at.emission;
+        const Spectrum emitted = path_spectrum(paths, PS_THROUGHPUT, slot) *
+                                 emitted_at(&at, paths, slot, light, origin, direction);
 #endif
         float ending_xi = 0.0f;
         if (roulette_plays(&wave, depth))

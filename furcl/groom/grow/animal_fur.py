@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from furcl.errors import GroomError
+from furcl.groom.attributes import CLUMP, clump_values
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.grow import strands
 from furcl.groom.grow.locks import Clumps, Rng
@@ -98,6 +99,11 @@ def fur(
     undercoat_length : float     relative to the others, 0.01 .. 1
     undercoat_radius : float     relative to the others, 0.01 .. 1
 
+    Returns
+    -------
+    Curves                       with n_clumps the attribute "clump" of each strand, a number of 0
+                                 to 1 that strands of a clump share
+
     Raises
     ------
     GroomError                   a parameter outside its range
@@ -148,7 +154,8 @@ def fur(
     widths = rng.uniform(1.0 - radius_variation, 1.0 + radius_variation, n_strands)
     widths = strands.float32(radius * widths * np.where(under, undercoat_radius, 1.0))
     radii = strands.tapered_radii(n_points, widths, tip_radius, power=1.5)
-    return adopted(points, radii, source="fur")
+    attributes = {} if clumps is None else {CLUMP: clump_values(clumps.idx)}
+    return adopted(points, radii, source="fur", attributes=attributes)
 
 
 @dataclass(frozen=True)

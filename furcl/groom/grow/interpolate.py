@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from furcl.groom.attributes import CLUMP, clump_values
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.grow import strands
 from furcl.groom.grow.ranges import check_size
@@ -27,6 +28,7 @@ def children(
     frizz: float = 0.0,
     radius: float | None = None,
     radius_variation: float = 0.0,
+    roots: NDArray[np.floating] | None = None,
     source: str = "interpolate",
 ) -> Curves:
     """Strands between guides.
@@ -34,8 +36,9 @@ def children(
     A child has a guide of its own and lies between that and two of the guides next to it: its root
     and, from root to tip, its way from the root are means of theirs with the same weights, which
     are uniform in the triangle where its own guide has the largest. All guides have as many
-    children, one more or less. A child is a block of 8192 strands at a time; the same parameters
-    give the same bits with the same numpy.
+    children, one more or less. Where roots are given, a child's own guide is the one next to its
+    root, and the weights fall with the square of the distance from its root to those of the guides.
+    Children are grown 8192 at a time; the same parameters give the same bits with the same numpy.
 
     Parameters
     ----------
@@ -51,12 +54,15 @@ def children(
     frizz : float               wander at the tip, of the longest guides' length
     radius : float or None      at the root [unit]; None: that of the guides
     radius_variation : float    v: relative, uniform in [1 - v, 1 + v]
+    roots : (n_strands, 3)      of the children, such as those of furcl.groom.grow.mesh_roots
+                                [unit]; None: between the guides'
     source : str                name in messages
 
     Returns
     -------
-    Curves                      values of strands are those of the child's own guide; values of
-                                points are not passed on
+    Curves                      values of strands are those of the child's own guide, with "clump",
+                                a number of 0 to 1 for each guide; values of points are not passed
+                                on
 
     Raises
     ------
@@ -67,13 +73,17 @@ def children(
     rng = np.random.default_rng(seed)
     shapes, shape_radii, lengths = _resampled(guides, k)
     around = _neighbours(guides, shapes, spread_deg)
-    own = np.resize(rng.permutation(guides.n_strands), n_strands)
+    if roots is None:
+        own = np.resize(rng.permutation(guides.n_strands), n_strands)
+    else:
+        own = np.asarray(KDTree(shapes[:, 0]).query(roots)[1], np.int64)
     pull = np.float32(clumping) * np.linspace(0.0, 1.0, k, dtype=np.float32)[:, None] ** 1.5
     points = np.empty((n_strands, k, 3), np.float32)
     radii = np.empty((n_strands, k), np.float32)
     for begin in range(0, n_strands, strands.BLOCK_STRANDS):
         part = slice(begin, begin + strands.BLOCK_STRANDS)
-        block, of_radii = _between(shapes, shape_radii, own[part], around, pull, rng)
+        at = None if roots is None else strands.float32(roots[part])
+        block, of_radii = _between(shapes, shape_radii, own[part], around, pull, rng, at)
         n = block.shape[2]
         _cut(block, 1.0 - length_variation * rng.random(n, np.float32))
         if frizz:
@@ -89,6 +99,7 @@ def children(
         if len(values) == guides.n_strands
     }
     left_out = [name for name in guides.attributes if name not in of_strands]
+    of_strands.setdefault(CLUMP, clump_values(own))
     return adopted(
         points,
         radii,
@@ -136,8 +147,10 @@ def _between(
     around: NDArray[np.int64],
     pull: Block,
     rng: np.random.Generator,
+    roots: Block | None,
 ) -> tuple[Block, Block]:
-    """A block (k, 3, b) of children of guides `own` (b,), and their radii (b, k)."""
+    """A block (k, 3, b) of children of guides `own` (b,), and their radii (b, k), at roots (b, 3)
+    if these are given."""
     n = len(own)
     place = rng.integers(NEIGHBOURS, size=n)
     other = (place + rng.integers(1, NEIGHBOURS, size=n)) % NEIGHBOURS
@@ -145,12 +158,37 @@ def _between(
     # Uniform in the triangle: the gaps of two uniform numbers.
     cuts = np.sort(rng.random((2, n), np.float32), axis=0)
     weights = np.sort(np.stack([cuts[0], cuts[1] - cuts[0], 1.0 - cuts[1]]), axis=0)[::-1]
+    if roots is not None:
+        sources = (own, *around[own].T)
+        weights = _weights(shapes[:, 0], np.stack(sources), roots)
     mean = sum(w[:, None, None] * shapes[i] for w, i in zip(weights, sources, strict=True))
     radii = sum(w[:, None] * shape_radii[i] for w, i in zip(weights, sources, strict=True))
     block = np.ascontiguousarray(np.transpose(mean, (1, 2, 0)))
+    if roots is not None:
+        block += roots.T - block[0]
     guide = np.transpose(shapes[own], (1, 2, 0))
     block += pull[:, None, :] * (guide - block)
     return block, np.asarray(radii, np.float32)
+
+
+def _weights(guide_roots: Block, sources: NDArray[np.int64], roots: Block) -> Block:
+    """Weights (g, b) of guides `sources` (g, b) for children at roots (b, 3), of sum 1.
+
+    They are 1 over the squared distance, less its value at the farthest of the guides, so that a
+    guide which comes into the circle or leaves it changes nothing suddenly.
+    """
+    square = ((guide_roots[sources] - roots) ** 2).sum(axis=2, dtype=np.float64)
+    farthest = square.max(axis=0)
+    # A guide at the root itself has all the weight; guides that are all as far away share it.
+    tiny = 1e-12 * farthest + 1e-30
+    weights = 1.0 / (square + tiny) - 1.0 / (farthest + tiny)
+    # A guide that stands in place of one that goes elsewhere counts once.
+    for i in range(1, len(sources)):
+        weights[i, (sources[i] == sources[0])] = 0.0
+    total = weights.sum(axis=0)
+    alone = total <= 0.0
+    weights[0, alone], total[alone] = 1.0, 1.0
+    return strands.float32(weights / total)
 
 
 def _cut(block: Block, ratio: Block) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furcl.errors import GroomError
+from furcl.groom.attributes import CLUMP, clump_values
 from furcl.groom.curves import Curves, adopted
 from furcl.groom.grow import strands
 from furcl.groom.grow.locks import Clumps, Rng, Waves
@@ -98,6 +99,11 @@ def hair(
     frizz : float                wander of single strands at the tip, 0 .. 1 [unit]
     flyaways : float             fraction of strands that leave their clump, 0 .. 1
 
+    Returns
+    -------
+    Curves                       with n_clumps the attribute "clump" of each strand, a number of 0
+                                 to 1 that strands of a clump share
+
     Raises
     ------
     GroomError                   a parameter outside its range, or too few points for the waves
@@ -115,16 +121,16 @@ def hair(
 
     roots = scalp_roots(n_strands, solid, hairline, rng)
     locks, waves = None, Waves.random(n_clumps or n_strands, rng)
-    parent_idx = np.arange(n_strands)
+    parent_idx = clump_of_lock = np.arange(n_strands)
     if n_clumps > 0:
         places = [scalp_roots(n, solid, hairline, rng) for n in _level_sizes(n_clumps, n_strands)]
         features = [lock_features(r, solid, combing) for r in (*places, roots)]
-        clump_idx, parent_idx = nearest(*features[:2]), nearest(*features[1:])
+        clump_of_lock, parent_idx = nearest(*features[:2]), nearest(*features[1:])
         grown = [
             grow(p.T, np.full(len(p), length, np.float32), k, solid, combing, rng) for p in places
         ]
-        locks = _locks(grown, clump_idx, parent_idx, length, clumping, rng)
-        waves = waves.children(clump_idx, 0.4, rng)
+        locks = _locks(grown, clump_of_lock, parent_idx, length, clumping, rng)
+        waves = waves.children(clump_of_lock, 0.4, rng)
     lengths = length * (1.0 - np.float32(length_variation) * rng.random(n_strands, np.float32))
     widths = 1.0 + radius_variation * rng.uniform(-1.0, 1.0, n_strands)
 
@@ -146,7 +152,8 @@ def hair(
         points[own] = block.transpose(2, 0, 1)
 
     radii = strands.tapered_radii(k, strands.float32(radius * widths), tip_radius, power=3.0)
-    return adopted(points, radii, source="hair")
+    clumps = {} if locks is None else {CLUMP: clump_values(clump_of_lock[parent_idx])}
+    return adopted(points, radii, source="hair", attributes=clumps)
 
 
 def _column(values) -> Block:

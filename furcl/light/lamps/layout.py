@@ -13,9 +13,10 @@ from furcl.device.layout import Fields, hex_float
 
 Words = tuple[tuple[str, int], ...]
 
-#: Kinds in the order of their numbers: rays meet the first four, the next two have no extent, and
-#: the last is at infinity.
-KINDS = ("quad", "disk", "triangle", "sphere", "point", "spot", "distant")
+#: Kinds in the order of their numbers: rays meet the first three, and instead of a triangle the
+#: mesh that it is of; the next two have no extent, and the last is at infinity.
+KINDS = ("quad", "disk", "sphere", "triangle", "point", "spot", "distant")
+MET_KINDS = KINDS[:3]
 AREA_KINDS = KINDS[:4]
 PLACED_KINDS = KINDS[:6]
 
@@ -61,6 +62,10 @@ HEADER: Words = (
 #: Light samples take no less often than this what comes from infinity, and what has a place.
 LEAST_CHANCE = 0.1
 
+#: Shadow rays end so far before a triangle, of its size and distance: they must not meet the mesh
+#: that it is of.
+TRIANGLE_MARGIN = 1e-6
+
 # Hits keep the number of a lamp as a float.
 MOST_LAMPS = 1 << 24
 
@@ -98,8 +103,8 @@ class LampsPart:
 
     @property
     def area(self) -> bool:
-        """Whether rays can meet some of them."""
-        return any(kind in AREA_KINDS for kind in self.kinds)
+        """Whether rays can meet some of them, beside meshes."""
+        return any(kind in MET_KINDS for kind in self.kinds)
 
     @property
     def placed(self) -> bool:
@@ -124,6 +129,7 @@ class LampsPart:
             values |= {f"{prefix}_{name}": f"{at}u" for name, at in offsets(words).items()}
             values[f"{prefix}_SIZE"] = f"{size_of(words)}u"
         values["LIGHTS_LEAST_CHANCE"] = hex_float(LEAST_CHANCE)
+        values["TRIANGLE_MARGIN"] = hex_float(TRIANGLE_MARGIN)
         return values
 
     def structs(self) -> dict[str, Fields]:

@@ -3,6 +3,7 @@
 The points of a lamp are centre + u a + v b: |u|, |v| <= 1 of a quad, u^2 + v^2 <= 1 of a disk, and
 of a triangle, whose corner is the centre, u, v >= 0 with u + v <= 1. They shine alike in all
 directions of the side to which the axis points, or of both, and are sampled uniformly by area.
+Triangles are those of meshes, which the rays of kernels meet in their place.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from furcl.light.lamps.layout import TRIANGLE_MARGIN
 from furcl.light.lamps.record import Array, Records, dot, is_kind, length, records, unit
 from furcl.light.sample import LightSamples
 
@@ -82,9 +84,12 @@ def sample(lamps: Records, points: Array, u: Array) -> LightSamples:
     place = _places(lamps, u)
     way = lamps["centre"] - points + place[:, :1] * lamps["a"] + place[:, 1:] * lamps["b"]
     directions, distances = unit(way), length(way)
-    return LightSamples(
-        directions, distances, lamps["radiance"].copy(), density(lamps, directions, distances)
-    )
+    densities = density(lamps, directions, distances)
+    size = distances + length(lamps["a"]) + length(lamps["b"])
+    cosine = np.maximum(np.abs(dot(directions, lamps["axis"])), np.finfo(np.float64).tiny)
+    margin = np.where(is_kind(lamps, "triangle"), TRIANGLE_MARGIN * size / cosine, 0.0)
+    reach = np.maximum(distances - margin, 0.0)
+    return LightSamples(directions, reach, lamps["radiance"].copy(), densities)
 
 
 def hit(lamps: Records, origins: Array, directions: Array) -> Array:
