@@ -62,6 +62,7 @@ def convergence(
     from furcl.bench.convergence_variants import Variant
     from furcl.fibre import samplers
     from furcl.report.convergence import interval, write_report
+    from furcl.report.convergence_checks import departures
     from furcl.scene.read import load_scene
 
     loaded = [load_scene(scene, overrides=overrides or (), size=size) for scene in scenes]
@@ -105,6 +106,9 @@ def convergence(
                 scene["name"],
                 ", ".join(scene["unresolved"]),
             )
+    for (scene, variant), said in departures(results).items():
+        text = f"{scene}: {variant} makes another picture: {'; '.join(said)}"
+        typer.secho(text, fg=typer.colors.RED, err=True)
     log.info("wrote %s, results.json and results.csv", page)
     if not results["complete"]:
         log.warning("stopped early; the same command continues")

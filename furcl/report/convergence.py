@@ -10,6 +10,7 @@ from typing import Any
 from furcl.files import file_name
 from furcl.image.image import Image
 from furcl.report import convergence_plots as plots
+from furcl.report.convergence_checks import departures
 from furcl.report.convergence_schema import upgraded
 from furcl.report.page import load_results, write_page
 
@@ -48,6 +49,7 @@ def write_report(folder: str | Path) -> Path:
         },
         results=results,
         figures=figures,
+        marked=departures(results),
     )
 
 
@@ -55,7 +57,7 @@ def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:
     """Files of the figures of a scene, by name."""
     drawn, own = {}, file_name(scene["name"])
     figure = plots.error_over_time(scene)
-    for suffix in (".svg", ".png"):
+    for suffix in (".svg", ".png", ".pdf"):
         path = folder / "plots" / f"{own}-rmse{suffix}"
         plots.save(figure, path, dpi=150)
     drawn["rmse"] = folder / "plots" / f"{own}-rmse.svg"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import ticker
+from matplotlib import rc_context, ticker
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -27,6 +27,8 @@ STYLES = (
     ("#E69F00", "v"),
     ("#56B4E9", "P"),
 )
+#: Fonts of PDF as TrueType (42), which publishers ask for, and letters of SVG as text.
+FOR_PRINT = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none"}
 GROUP_WIDTH = 0.8  # of a number of samples, whose distance is 1
 LOG_BELOW = 0.5  # ratios are on a logarithmic axis where one is smaller
 LINES = ("-", "--", ":", "-.")
@@ -48,11 +50,11 @@ def style_of(index: int) -> dict[str, Any]:
 
 
 def save(figure: Figure, path: Path, **options: Any) -> None:
-    """Write a figure whole or not at all."""
+    """Write a figure whole or not at all; letters stay letters (FOR_PRINT)."""
     FigureCanvasAgg(figure)
     for text in figure.findobj(Text):
         text.set_parse_math(False)  # names of scenes may hold a $
-    with atomic_path(path) as temporary:
+    with atomic_path(path) as temporary, rc_context(FOR_PRINT):
         figure.savefig(temporary, format=path.suffix[1:], **options)
 
 
