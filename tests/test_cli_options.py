@@ -19,8 +19,11 @@ from furcl.image.image import Image
 
 EXAMPLE = Path(__file__).parents[1] / "bench" / "samplers" / "lobe_cdf.clh"
 
-# Options that mean something else by command: picture or folder; one value or device, or a list.
-OF_SEVERAL_MEANINGS = {"--output", "--device", "--spp", "--sampling", "--size", "--runs"}
+# Options that mean something else by command: picture or folder; one value or device, or a list; a
+# value of a scene or of its fibre.
+OF_SEVERAL_MEANINGS = {
+    "--output", "--device", "--spp", "--sampling", "--size", "--runs", "--set",
+}  # fmt: skip
 
 
 def commands(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:

@@ -13,7 +13,7 @@ from scene_documents import fur_patch
 from furcl.bench import features as bench
 from furcl.device import program
 from furcl.device.features import Features
-from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, SEQUENCES
+from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, MODES, SEQUENCES
 from furcl.device.source import kernel_text
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
@@ -52,6 +52,7 @@ VALUES = {
     "channels": (1, 3),
     "light": (None, *(light.kind for light in lights.BUILT_IN)),
     "absorption": ABSORPTIONS,
+    "mode": MODES,
     "lamps": (
         None,
         LampsPart(KINDS),
@@ -95,7 +96,8 @@ def _features(values):
     """The Features of a row of values."""
     own = {name: values[name] for name in FIBRE_VALUES if name in values}
     rest = {name: value for name, value in values.items() if name not in FIBRE_VALUES}
-    rest["sampler"] = samplers.find(rest.get("sampler", "full-cdf"))
+    sampler = samplers.find(rest.get("sampler", "full-cdf"))
+    rest["sampler"] = samplers.in_mode(sampler, rest.get("mode", "far"))
     light = rest.get("light", "constant")
     rest["light"] = lights.find(light).part() if light else None
     return Features(fibre=DoubleCylinderFeatures(**own), **rest)
@@ -280,6 +282,10 @@ ABSENT = [
     ({"fibres": 1}, "intersect_closest", ("material_of_vertex(",)),
     ({"absorption": "constant"}, "shade", ("take_absorption(", "mixed_node(", "absorptions")),
     ({"absorption": "point"}, "shade", ("strand_of_vertex(", "popcount")),
+    ({"mode": "far"}, "sample_lobe_h", ("offset_of_ray(", "sample_in_footprint(", "camera->up")),
+    ({"mode": "far"}, "shade", ("values_at_offset(", "mirrored_footprint(", "camera->up")),
+    ({"mode": "near"}, "shade", ("mixed_marginal(", "mirrored_footprint(", "direction_density(")),
+    ({"mode": "near"}, "sample_lobe_h", ("bin_cdf_of(", "pixel_width(", "camera->up")),
     ({"meshes": None}, "intersect_closest", ("mesh_blocks", "reach", "behind")),
     ({"meshes": MeshPart(textures=False)}, "shade_surface", ("texture_colour(",)),
     ({"meshes": MeshPart(emission=False)}, "shade_surface", ("emitted_at(", "at->emission")),
@@ -325,6 +331,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
         "sequence": "sobol", "planned": True, "held": True,
         "fibres": 2, "absorption": "strand",
         "shadow_roulette": True, "learning": LearningPart(), "motion": 2, "camera_motion": 2,
+        "mode": "multiscale",
         "meshes": EVERY_MESH,
     }  # fmt: skip
     there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))

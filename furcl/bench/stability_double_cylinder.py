@@ -82,9 +82,14 @@ class DoubleCylinderSubject(Subject):
 
     def direction_factors(self, probe: Probe) -> Array:
         factors = np.ones(len(probe.lobes))
-        if probe.material.profiles is not None:
-            factors[3:5] = _direction_factor(probe.material.profiles, probe.sampler)
+        factors[3:5] = self.scattered_factor(probe)
         return factors
+
+    def scattered_factor(self, probe: Probe) -> float:
+        """That of lobes that the medulla scatters."""
+        if probe.material.profiles is None:
+            return 1.0
+        return _direction_factor(probe.material.profiles, probe.sampler)
 
     def index(self, fibre: Fibre) -> float:
         return fibre.eta

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, SEQUENCES, Fields
+from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, MODES, SEQUENCES, Fields
 
 
 class Part(Protocol):
@@ -62,6 +62,7 @@ class Features:
     motion : int                pieces of time, from step to step, that the groom moves in; 0: it
                                 keeps still. One that moves has point_radii
     camera_motion : int         the same of the camera
+    mode : str                  one of layout.MODES, of the fibre of a kernel
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
     lens : bool                 camera with a finite aperture
@@ -92,6 +93,7 @@ class Features:
     absorption: str = "constant"
     motion: int = 0
     camera_motion: int = 0
+    mode: str = "far"
     light_sampling: bool = False
     point_radii: bool = True
     lens: bool = False
@@ -140,15 +142,23 @@ class Features:
         """Whether light samples have distances."""
         return not self.light_at_infinity or bool(getattr(self.lamps, "placed", False))
 
+    @property
+    def marginals(self) -> bool:
+        """Whether samples of a fibre and of the light are weighed by densities of directions,
+        whatever the offset h: where h is known, those at it are."""
+        return self.light_sampling and self.mode != "near"
+
     def defines(self) -> dict[str, int | str]:
         """Names and values of the preprocessor defines."""
         values: dict[str, int | str] = {
             f"FURCL_{field.name.upper()}": int(getattr(self, field.name))
             for field in fields(self)
-            if field.name not in (*PARTS, "filter", "sequence", "absorption")
+            if field.name not in (*PARTS, "filter", "sequence", "absorption", "mode")
         }
         values["FURCL_FILTER"] = FILTERS.index(self.filter)  # pyright: ignore[reportArgumentType]
         values["FURCL_ABSORPTION"] = ABSORPTIONS.index(self.absorption)  # pyright: ignore[reportArgumentType]
+        values["FURCL_MODE"] = MODES.index(self.mode)  # pyright: ignore[reportArgumentType]
+        values["FURCL_MARGINALS"] = int(self.marginals)
         values["FURCL_SOBOL"] = int(self.sequence == SEQUENCES[1])
         values["FURCL_FIBRES"] = f"{self.fibres}u"
         values["FURCL_SURFACE"] = int(self.surface is not None)

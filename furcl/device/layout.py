@@ -92,6 +92,12 @@ Absorption = Literal["constant", "given", "strand", "point"]
 or a value of each strand or point."""
 ABSORPTIONS: tuple[Absorption, ...] = get_args(Absorption)
 ABSORPTION_NODES = 8
+
+# What is known of the offset h at a hit.
+Mode = Literal["far", "near", "multiscale"]
+"""The offset h of a hit: any on the fibre, that of the ray, or for camera rays one in the footprint
+of their pixel."""
+MODES: tuple[Mode, ...] = get_args(Mode)
 ABSORPTION_HEADER = 4
 
 # Marginal densities, with the same rows: nodes of |phi| from 0 to pi; offsets of their quadrature,
@@ -184,6 +190,7 @@ def _constants() -> dict[str, str]:
         **{name: str(value) for name, value in numbers.items()},
         **{f"ABSORPTION_{name.upper()}": str(i) for i, name in enumerate(ABSORPTIONS)},
         **{f"FILTER_{name.upper()}": str(i) for i, name in enumerate(FILTERS)},
+        **{f"MODE_{name.upper()}": str(i) for i, name in enumerate(MODES)},
         "GRID_MARGIN": hex_float(GRID_MARGIN),
         "RELATIVE_EPSILON": hex_float(RELATIVE_EPSILON),
     }

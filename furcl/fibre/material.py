@@ -24,8 +24,8 @@ from furcl.fibre.attenuation import (
     tables_from_bins,
 )
 from furcl.fibre.marginal import marginals_from_sums
-from furcl.fibre.model import FibreFeatures, FibreModel, model_of
-from furcl.fibre.samplers import Sampler
+from furcl.fibre.model import FibreFeatures, FibreModel, check_mode, model_of
+from furcl.fibre.samplers import Sampler, in_mode
 
 # A lobe that carries a smaller share of the energy than this at every theta may be left out: the
 # largest bias of a pixel, relative to it, for each such lobe and bounce.
@@ -76,7 +76,8 @@ class FibreMaterial:
 
     def with_features(self, features: Features) -> FibreMaterial:
         """The same material in a scene of other features; its own parts stay."""
-        own = {name: getattr(self.features, name) for name in ("fibre", "sampler", "absorption")}
+        names = ("fibre", "sampler", "absorption", "mode")
+        own = {name: getattr(self.features, name) for name in names}
         return replace(self, features=features.with_(**own))
 
     @property
@@ -104,8 +105,8 @@ def build_material(
     Parameters
     ----------
     fibre : object              parameters, of a model's own class
-    features : Features         of the scene, without fibre and sampler; with the absorption of the
-                                material
+    features : Features         of the scene, without fibre and sampler; with absorption and mode of
+                                the material
     residual : bool             with the lobe that closes the furnace, if the model has one
     fibre_features : FibreFeatures or None  compile for these instead of what the fibre needs
     drop_lobes : bool           leave out lobes whose share of the energy is below NEGLIGIBLE_SHARE
@@ -120,8 +121,12 @@ def build_material(
     Raises
     ------
     FibreError, KernelBuildError, ResourceError
+    SamplerError    a sampler of one's own in another mode than "far"
     """
     model = model_of(fibre)
+    check_mode(model, features.mode)
+    sampler = in_mode(sampler, features.mode)  # pyright: ignore[reportArgumentType]
+    known = features.mode == "near"
     assert (absorbs is None) == (features.absorption == "constant")
     needed = fibre_features or model.features(fibre, residual=residual)
     params = model.params(fibre)
@@ -131,9 +136,11 @@ def build_material(
         profiles = model.prepare(memory.device, fibre)
     nodes = [params] if absorbs is None else _absorbing(model, params, absorbs)
     bins = []
-    if drop_lobes or sampler.needs_tables or absorbs is not None:
+    if drop_lobes or sampler.needs_tables or (absorbs is not None and not known):
         data = model.data(profiles, needed)
-        unlit = features.with_(fibre=needed, light_sampling=False, absorption="constant")
+        unlit = features.with_(
+            fibre=needed, light_sampling=False, absorption="constant", mode="far"
+        )
         bins = [
             _attenuation_bins(Memory(memory.device), unlit, _packed(node, data)) for node in nodes
         ]
@@ -146,13 +153,13 @@ def build_material(
     tables = of_nodes if sampler.needs_tables else []
     own = features.with_(fibre=needed, sampler=sampler)
     marginals = []
-    if own.light_sampling:
-        alone = own.with_(absorption="constant")
+    if own.marginals:
+        alone = own.with_(absorption="constant", mode="far")
         for i, node in enumerate(nodes):
             packed = _packed(node, data, *(table.packed for table in tables[i : i + 1]))
             marginals.append(_marginals(Memory(memory.device), alone, packed))
     parts = [params, data]
-    if absorbs is not None:
+    if absorbs is not None and not known:
         parts += [node_scale(absorbs), np.array([table.energy for table in of_nodes], np.float32)]
     parts += [*(table.packed for table in tables), *marginals]
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from furcl.device.layout import Fields
+from furcl.device.layout import Fields, Mode
 from furcl.errors import FibreError
 from furcl.fibre.absorption import Absorption
 from furcl.paths import kernel_folder
@@ -136,9 +136,21 @@ class ModelTable(Table, frozen=True, kw_only=True):
     Attributes
     ----------
     absorption : table      where strands, or points along them, absorb differently
+    mode : str              where across the fibre light meets it: "far" anywhere, so that it shows
+                            its mean, "near" where the ray does, for fibres that are seen wide,
+                            "multiscale" near it, within the pixel of a camera ray, and
+                            anywhere after that
     """
 
     absorption: Absorption | None = None
+    mode: Mode = "far"
+
+    def given(self) -> dict[str, Any]:
+        """Values of the keys that are parameters of the fibre, of those that are not left out."""
+        assert self.described_by is not None
+        names = [field.name for field in dataclasses.fields(self.described_by)]
+        values = {name: getattr(self, name, None) for name in names}
+        return {name: value for name, value in values.items() if value is not None}
 
     def build(self) -> Any:
         """The fibre that the table describes, parameters of the model's own class.
@@ -166,6 +178,7 @@ class FibreModel(ABC):
     absorbed : str or None      the parameter, a float4 of the struct and three numbers of a fibre,
                                 that strands or points can have values of; attenuations are convex
                                 in each channel of it. None: there is none
+    has_offset : bool   whether the value depends on the offset h, and so can be near field
     """
 
     name: ClassVar[str]
@@ -174,6 +187,7 @@ class FibreModel(ABC):
     struct: ClassVar[Fields]
     reference: ClassVar[str]
     absorbed: ClassVar[str | None] = None
+    has_offset: ClassVar[bool] = True
 
     @property
     @abstractmethod
@@ -253,6 +267,7 @@ _models: Registry[FibreModel | str] = Registry(
         "deon": "furcl.fibre.deon.model",
         "marschner": "furcl.fibre.marschner.model",
         "sadeghi": "furcl.fibre.sadeghi.model",
+        "yan2015": "furcl.fibre.yan2015.model",
     },
 )
 
@@ -281,6 +296,20 @@ def model_of(fibre: Any) -> FibreModel:
     FibreError      if there is no such model
     """
     return find(fibre.model)
+
+
+def check_mode(model: FibreModel, mode: str) -> None:
+    """Refuse a mode for which a model would have to know its offset h.
+
+    Raises
+    ------
+    FibreError
+    """
+    if mode != "far" and not model.has_offset:
+        raise FibreError(
+            f"fibre.mode = {mode!r}: model {model.name!r} is its own mean over the fibre's width "
+            f"and has no near field; allowed is 'far'"
+        )
 
 
 def tables() -> dict[str, type[ModelTable]]:

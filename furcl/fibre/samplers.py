@@ -8,10 +8,11 @@ lobes that have profiles. docs/own_sampler.md has an example.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from furcl.device.layout import Mode
 from furcl.errors import SamplerError
 from furcl.files import read_text
 from furcl.paths import kernel_folder
@@ -105,6 +106,25 @@ def find(name: str) -> Sampler:
     SamplerError    unknown name, with those that are known
     """
     return _samplers.find(name, f"sampling = {name!r}: allowed are", "furcl.samplers.register")
+
+
+def in_mode(sampler: Sampler, mode: Mode) -> Sampler:
+    """What a sampler is where a fibre's offset h is not anywhere on its width.
+
+    In "multiscale" the built-in ones choose h within the footprint of a pixel, "uniform-h" evenly,
+    the others by their tables. In "near" there is no h to choose: all take lobes by A_p(h) and need
+    no tables, "full-cdf" differs by the directions of lobes that have profiles.
+
+    Raises
+    ------
+    SamplerError    a sampler of one's own, which knows the whole width alone
+    """
+    if mode != "far" and sampler.name not in BUILT_IN:
+        raise SamplerError(
+            f"sampler {sampler.name!r} chooses h on the whole width of a fibre, and fibre.mode is "
+            f"{mode!r}: allowed are {', '.join(BUILT_IN)}, or mode = 'far'"
+        )
+    return replace(sampler, header=_UNIFORM, needs_tables=False) if mode == "near" else sampler
 
 
 def register(

@@ -12,6 +12,7 @@ from furcl.device import program
 from furcl.device.choice import Device, open_device
 from furcl.device.features import Features
 from furcl.device.launch import grid
+from furcl.device.layout import Mode
 from furcl.device.memory import Memory
 from furcl.errors import FibreError, ResourceError
 from furcl.fibre import samplers
@@ -19,13 +20,24 @@ from furcl.fibre.material import build_material
 from furcl.fibre.model import FibreFeatures, model_of
 from furcl.fibre.samplers import Sampler
 from furcl.memory import available_bytes
+from furcl.rendering.probe_arguments import (
+    agreeing,
+    check_seed,
+    float4,
+    limits,
+    offsets,
+    real_numbers,
+    uniform_numbers,
+    unit_directions,
+)
 from furcl.values import is_whole, shown
 
 # Kernels measure h by the share of the fibre's width; here its density is per unit of h, and the
 # width is 2.
 _PER_UNIT_OF_H = 0.5
 
-_UNIT_TOLERANCE = 1e-3
+# Limits of h as narrow as this are one offset: kernels/include/fibre/offsets.clh.
+KNOWN_OFFSET = 1e-6
 
 # Work-items of a launch are counted in 32 bits, and bytes of an array by some drivers.
 MOST = 1 << 27
@@ -50,10 +62,12 @@ class Probe:
     light_sampling : bool       with what light samples need: `estimate_far_field`
     absorbs : (low, high)       with tables for a range of absorptions, in which that of the fibre
                                 lies, as where strands or points have values
+    mode : str                  "far"; "multiscale" draws h within limits, "near" at one offset: the
+                                argument `within` of the methods says which
 
     Raises
     ------
-    SamplerError    unknown sampling
+    SamplerError    unknown sampling, or one that the mode does not take
     FibreError      arrays whose shapes do not agree or that hold no real numbers, directions that
                     are not unit vectors, h outside [-1, 1], a lobe that there is not, channels, a
                     seed or numbers outside their range
@@ -72,7 +86,9 @@ class Probe:
         features: FibreFeatures | None = None,
         light_sampling: bool = False,
         absorbs: tuple[float, float] | None = None,
+        mode: Mode = "far",
     ) -> None:
+        self.mode = mode
         self.fibre = fibre
         self.device = device if isinstance(device, Device) else open_device(device)
         self.sampler = sampling if isinstance(sampling, Sampler) else samplers.find(sampling)
@@ -91,6 +107,7 @@ class Probe:
                 channels=channels or needed,
                 light_sampling=light_sampling,
                 absorption="constant" if absorbs is None else "given",
+                mode=mode,
             ),
             self.sampler,
             residual=residual,
@@ -123,8 +140,8 @@ class Probe:
         -------
         (lobes, n, 3) float32       in the order of `lobes`, in [0, 1]
         """
-        theta_in = _numbers("theta_in", theta_in)
-        h, theta_in = _agreeing(h=np.atleast_1d(_offsets(h)), theta_in=np.atleast_1d(theta_in))
+        theta_in = real_numbers("theta_in", theta_in)
+        h, theta_in = agreeing(h=np.atleast_1d(offsets(h)), theta_in=np.atleast_1d(theta_in))
         self._require_memory(h.size, 4 * 3 * (1 + len(self.lobes)))
         angles = np.stack([np.sin(theta_in), np.cos(theta_in)], 1).astype(np.float32)
         if not np.all(np.abs(theta_in) <= 0.5 * np.pi + 1e-6):
@@ -160,32 +177,54 @@ class Probe:
         (n, 3) float32              [1/sr], >= 0
         """
         self._check_lobe(lobe)
-        value, _ = self.evaluate_lobes(wo, wi, h)
+        value, _, _ = self._evaluate(wo, wi, h, self._at(h))
         return value.sum(axis=0) if lobe is None else value[lobe]
 
     def pdf(
-        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, lobe: int | None = None
+        self,
+        wo: ArrayLike,
+        wi: ArrayLike,
+        h: ArrayLike,
+        lobe: int | None = None,
+        within: ArrayLike | None = None,
     ) -> np.ndarray:
         """Density with which `sample` returns (lobe, h, wi), or (h, wi) for lobe = None.
 
         `0.5 * evaluate(wo, wi, h, lobe) / pdf(wo, wi, h, lobe)` is the weight that `sample`
-        returns: the half is the density of h over the width of the fibre.
+        returns: the half is the density of h over the width of the fibre. Within limits it is 1
+        over their distance, and 1 at one offset, where no h is drawn.
+
+        Parameters
+        ----------
+        within : (n, 2) or (2,)     limits of h, in other modes than "far"
 
         Returns
         -------
-        (n,) float32    [1/sr per unit of h]
+        (n,) float32    [1/sr per unit of h, or 1/sr at one offset]
         """
         self._check_lobe(lobe)
-        _, pdf = self.evaluate_lobes(wo, wi, h)
+        _, pdf = self.evaluate_lobes(wo, wi, h, within)
         return pdf.sum(axis=0) if lobe is None else pdf[lobe]
+
+    def offset_pdf(
+        self, wo: ArrayLike, h: ArrayLike, within: ArrayLike | None = None
+    ) -> np.ndarray:
+        """Density with which `sample` chooses lobe and offset, (lobes, n) float32 [1 per unit of
+        h]; at one offset the chances of lobes there."""
+        return self._evaluate(wo, wo, h, within)[1]
 
     def direction_pdf(self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, lobe: int) -> np.ndarray:
         """Density with which a lobe at offset h chooses wi, (n,) float32 [1/sr]."""
         self._check_lobe(lobe)
-        return self._evaluate(wo, wi, h)[2][lobe]
+        return self._evaluate(wo, wi, h, self._at(h))[2][lobe]
 
     def sample(
-        self, wo: ArrayLike, n: int | None = None, seed: int = 0, numbers: ArrayLike | None = None
+        self,
+        wo: ArrayLike,
+        n: int | None = None,
+        seed: int = 0,
+        numbers: ArrayLike | None = None,
+        within: ArrayLike | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Draw lobes, offsets and directions as a render does.
 
@@ -196,6 +235,7 @@ class Probe:
         seed : int              0..2^32-1
         numbers : (n, 2, 4) or None     use these uniform numbers of [0, 1) instead of drawing them:
                                         of lobe and offset, and of the direction
+        within : (n, 2) or (2,)         limits of h, in other modes than "far"
 
         Returns
         -------
@@ -205,10 +245,10 @@ class Probe:
         weight : (n, 3) float32 what the path's throughput is multiplied with
         pdf : (n,) float32      density of (lobe, h, wi) [1/sr per unit of h]
         """
-        _check_seed(seed)
+        check_seed(seed)
         if n is not None and (not is_whole(n) or n < 0):
             raise FibreError(f"probe: n = {shown(n)} - allowed are whole numbers, 0 or more")
-        wo = np.atleast_2d(_unit("wo", wo))
+        wo = np.atleast_2d(unit_directions("wo", wo))
         if n is not None:
             if len(wo) not in (1, n):
                 raise FibreError(
@@ -218,7 +258,8 @@ class Probe:
         n = len(wo)
         self._require_memory(n, 16 + 40 + (0 if numbers is None else 32))
         if numbers is not None:
-            numbers = _uniform(numbers, n)
+            numbers = uniform_numbers(numbers, n)
+        bounds = self._limits(within, n)
         memory = Memory(self.device)
         outs = {
             name: memory.allocate(name, size * n)
@@ -227,23 +268,24 @@ class Probe:
         self._run(
             "probe_sample",
             n,
-            memory.upload("wo", _float4(wo)),
+            memory.upload("wo", float4(wo)),
             *outs.values(),
             np.uint32(n),
             np.uint32(seed),
             np.uint32(numbers is not None),
             memory.upload("numbers", np.zeros(4) if numbers is None else numbers),
+            within=bounds,
         )
         return (
             memory.read(outs["wi"], (n, 4))[:, :3],
             memory.read(outs["h"], n),
             memory.read(outs["lobe"], n, np.uint32),
             memory.read(outs["weight"], (n, 3)),
-            _PER_UNIT_OF_H * memory.read(outs["pdf"], n),
+            _per_unit_of_h(bounds) * memory.read(outs["pdf"], n),
         )
 
     def estimate_far_field(
-        self, wo: ArrayLike, wi: ArrayLike, seed: int = 0
+        self, wo: ArrayLike, wi: ArrayLike, seed: int = 0, within: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """What a light sample in the direction wi is worth: one lobe at one h of its own.
 
@@ -251,10 +293,12 @@ class Probe:
         ----------
         wo, wi : (n, 3) or (3,)     unit directions
         seed : int                  0..2^32-1
+        within : (n, 2) or (2,)     limits of h, in other modes than "far"
 
         Returns
         -------
-        value : (n, 3) float32      [1/sr]; its mean is that of `evaluate` over h in [-1, 1]
+        value : (n, 3) float32      [1/sr]; its mean is that of `evaluate` over h in [-1, 1], or
+                                    within the limits
         pdf : (n,) float32          about the density of wi in `sample`, all lobes and h [1/sr]:
                                     weighs it against samples of the light
 
@@ -267,57 +311,64 @@ class Probe:
                 "probe: estimate_far_field is not compiled in - make the Probe with "
                 "light_sampling=True"
             )
-        _check_seed(seed)
-        wo, wi = np.atleast_2d(_unit("wo", wo)), np.atleast_2d(_unit("wi", wi))
-        rows, _ = _agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)))
+        check_seed(seed)
+        wo, wi = np.atleast_2d(unit_directions("wo", wo)), np.atleast_2d(unit_directions("wi", wi))
+        rows, _ = agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)))
         self._require_memory(rows.size, 2 * 16 + 16)
         n, memory = rows.size, Memory(self.device)
         value, pdf = memory.allocate("value", 12 * n), memory.allocate("pdf", 4 * n)
         self._run(
             "probe_towards",
             n,
-            memory.upload("wo", _float4(np.broadcast_to(wo, (n, 3)))),
-            memory.upload("wi", _float4(np.broadcast_to(wi, (n, 3)))),
+            memory.upload("wo", float4(np.broadcast_to(wo, (n, 3)))),
+            memory.upload("wi", float4(np.broadcast_to(wi, (n, 3)))),
             value,
             pdf,
             np.uint32(n),
             np.uint32(seed),
+            within=self._limits(within, n),
         )
         return memory.read(value, (n, 3)), memory.read(pdf, n)
 
     def evaluate_lobes(
-        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike
+        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, within: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Values (lobes, n, 3) and densities (lobes, n) of every lobe: `evaluate` and `pdf`."""
-        value, joint, direction = self._evaluate(wo, wi, h)
+        value, joint, direction = self._evaluate(wo, wi, h, within)
         return value, joint * direction
 
     def _evaluate(
-        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike
+        self, wo: ArrayLike, wi: ArrayLike, h: ArrayLike, within: ArrayLike | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of every lobe: value, density of (lobe, h), density of wi given both."""
-        wo, wi, h = np.atleast_2d(_unit("wo", wo)), np.atleast_2d(_unit("wi", wi)), _offsets(h)
-        rows, _, h = _agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)), h=np.atleast_1d(h))
+        wo, wi, h = (
+            np.atleast_2d(unit_directions("wo", wo)),
+            np.atleast_2d(unit_directions("wi", wi)),
+            offsets(h),
+        )
+        rows, _, h = agreeing(wo=np.arange(len(wo)), wi=np.arange(len(wi)), h=np.atleast_1d(h))
         n = rows.size
         self._require_memory(n, 2 * 16 + 4 + 20 * len(self.lobes))
         wo, wi = np.broadcast_to(wo, (n, 3)), np.broadcast_to(wi, (n, 3))
+        bounds = self._limits(within, n)
         memory, lobes = Memory(self.device), len(self.lobes)
         value = memory.allocate("value", 12 * lobes * n)
         joint, direction = (memory.allocate(name, 4 * lobes * n) for name in ("joint", "direction"))
         self._run(
             "probe_evaluate",
             n,
-            memory.upload("wo", _float4(wo)),
-            memory.upload("wi", _float4(wi)),
+            memory.upload("wo", float4(wo)),
+            memory.upload("wi", float4(wi)),
             memory.upload("h", h.astype(np.float32)),
             value,
             joint,
             direction,
             np.uint32(n),
+            within=bounds,
         )
         return (
             memory.read(value, (lobes, n, 3)),
-            _PER_UNIT_OF_H * memory.read(joint, (lobes, n)),
+            _per_unit_of_h(bounds) * memory.read(joint, (lobes, n)),
             memory.read(direction, (lobes, n)),
         )
 
@@ -337,77 +388,29 @@ class Probe:
                 f"available, and at most {MOST} are taken at once - ask for fewer"
             )
 
-    def _run(self, name: str, n: int, *arguments) -> None:
+    def _limits(self, within: ArrayLike | None, n: int) -> np.ndarray | None:
+        """The limits of h of n elements (n, 2); None where h is anywhere."""
+        if within is None and self.mode == "far":
+            return None
+        return limits(within, self.mode, n)
+
+    def _at(self, h: ArrayLike) -> np.ndarray | None:
+        """Limits for what does not depend on them."""
+        return None if self.mode == "far" else np.stack([np.atleast_1d(offsets(h))] * 2, 1)
+
+    def _run(self, name: str, n: int, *arguments, within: np.ndarray | None = None) -> None:
         kernel = cl.Kernel(self._program, name)
-        kernel(self.device.queue, *grid(n), *arguments, self.material.buffer)
+        last = []
+        if within is not None:
+            last = [Memory(self.device).upload("within", within.astype(np.float32))]
+        kernel(self.device.queue, *grid(n), *arguments, self.material.buffer, *last)
 
 
-def _unit(name: str, w: ArrayLike) -> np.ndarray:
-    """Directions (..., 3) float64 of unit length."""
-    w = _numbers(name, w)
-    if w.ndim not in (1, 2) or w.shape[-1] != 3:
-        raise FibreError(
-            f"probe: {name} has shape {w.shape} - allowed are (n, 3) and (3,) - x is the tangent"
-        )
-    if not np.all(np.abs((w * w).sum(-1) - 1.0) <= _UNIT_TOLERANCE):
-        raise FibreError(
-            f"probe: {name} holds vectors that are not of length 1 - allowed are unit vectors in "
-            f"the fibre's frame - normalise them"
-        )
-    return w
-
-
-def _numbers(name: str, values: ArrayLike) -> np.ndarray:
-    """Values as float64."""
-    try:
-        array = np.asarray(values)
-        if array.dtype.kind in "fiu":
-            return array.astype(np.float64, copy=False)
-        found = f"of type {array.dtype}"
-    except (TypeError, ValueError) as error:
-        found = f"no array: {error}"
-    raise FibreError(f"probe: {name} is {found} - allowed are real numbers")
-
-
-def _check_seed(seed: int) -> None:
-    if not is_whole(seed) or not 0 <= seed < 1 << 32:
-        raise FibreError(f"probe: seed = {shown(seed)} - allowed are 0 to 4294967295")
-
-
-def _uniform(numbers: ArrayLike, n: int) -> np.ndarray:
-    """Numbers (n, 2, 4) float32 of [0, 1); those that round to 1 are the float32 below it."""
-    array = _numbers("numbers", numbers)
-    if array.shape != (n, 2, 4):
-        raise FibreError(f"probe: numbers has shape {array.shape} - allowed is ({n}, 2, 4)")
-    if not np.all((array >= 0.0) & (array < 1.0)):
-        raise FibreError(
-            f"probe: numbers go from {np.min(array)} to {np.max(array)} - allowed are those of "
-            f"[0, 1)"
-        )
-    return np.minimum(array.astype(np.float32), np.float32(1.0 - 2.0**-24))
-
-
-def _offsets(h: ArrayLike) -> np.ndarray:
-    h = _numbers("h", h)
-    if not np.all(np.abs(h) <= 1.0):
-        raise FibreError(
-            f"probe: h goes from {np.min(h)} to {np.max(h)} - allowed is -1 to 1 - give the offset "
-            f"of the ray from the axis over the radius"
-        )
-    return h
-
-
-def _agreeing(**arrays: np.ndarray) -> list[np.ndarray]:
-    """Arrays (n,) or (1,) as arrays (n,)."""
-    sizes = {name: np.shape(array) for name, array in arrays.items()}
-    n = max((size[0] for size in sizes.values() if len(size) == 1 and size[0] != 1), default=1)
-    if all(size in ((n,), (1,)) for size in sizes.values()):
-        return list(np.broadcast_arrays(*arrays.values()))
-    told = ", ".join(f"{name} {size}" for name, size in sizes.items())
-    raise FibreError(f"probe: sizes {told} do not agree - allowed are one size n, or 1")
-
-
-def _float4(vectors: np.ndarray) -> np.ndarray:
-    out = np.zeros((len(vectors), 4), np.float32)
-    out[:, :3] = vectors
-    return out
+def _per_unit_of_h(within: np.ndarray | None) -> np.ndarray | float:
+    """What makes a density of h relative to an even one a density per unit of h; at one offset
+    there is none."""
+    if within is None:
+        return _PER_UNIT_OF_H
+    width = within[:, 1] - within[:, 0]
+    known = width < KNOWN_OFFSET
+    return np.where(known, 1.0, 1.0 / np.where(known, 1.0, width)).astype(np.float32)

@@ -259,6 +259,7 @@ def _material(
     """A fibre of the scene on the device."""
     varies = bound is not None and bound.by != "constant"
     model, residual = model_of(fibre), scene.render.residual
+    features = features.with_(mode=scene.materials()[name].mode)
     needed = model.features(fibre, residual=residual)
     return build_material(
         memory,

@@ -136,6 +136,7 @@ def _parts(material: FibreMaterial) -> dict[str, tuple[bool, str]]:
     return {
         **material.fibre_features.optional(),
         "colour": (features.channels == 3, "fibres, light and surfaces are grey: one channel"),
+        "offsets": (features.mode != "far", "mode is far: a fibre shows the mean of its width"),
         "light_sampling": (features.light_sampling, "the light is not sampled"),
         "point_radii": (features.point_radii, "all points have one radius: 12 bytes a vertex"),
         "body": (features.surface is not None, "the scene has no body"),

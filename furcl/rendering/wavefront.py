@@ -395,12 +395,17 @@ class Wavefront:
             fibre.material.buffer,
             fibre.lobe_counts,
             *self._absorption(fibre),
+            *self._camera_of(fibre),
         )
 
     def _absorption(self, fibre: FibreStages) -> list[cl.Buffer]:
         """The absorption of a material's strands or points, and which vertices end strands."""
         values = fibre.material.absorption
         return [] if values is None else [values, self.geometry[2]]
+
+    def _camera_of(self, fibre: FibreStages) -> list[np.ndarray]:
+        """The camera, where a material asks for footprints of pixels."""
+        return [self.camera] if fibre.material.features.mode == "multiscale" else []
 
     @property
     def _learned(self) -> list[cl.Buffer]:
@@ -425,6 +430,7 @@ class Wavefront:
             self.light,
             *self._learned,
             *self._absorption(fibre),
+            *(self._camera_of(fibre) if self.features.light_sampling else []),
         )
 
     def shade_surface(self, wave: np.ndarray, active: int, depth: int) -> None:

@@ -1,6 +1,7 @@
 /* Stage 4 of fibres. Chooses the lobe and the offset h for every path that met a fibre.
 
-   reads    state: DIR, HIT_*; vertices, material, absorption (where strands or points have values)
+   reads    state: DIR, HIT_*; vertices, material, absorption (where strands or points have values); where h
+            is that of the hit, or near it, ORIGIN too, and the camera
    writes   state: LOBE, OFFSET_H, JOINT; lobe_counts (with FURCL_STATISTICS)
    over     the hit queue of its material, of number `queue`, FURCL_PATHS_PER_ITEM a work-item
    next     shade */
@@ -9,6 +10,9 @@
 #if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
 #include "fibre/absorption.clh"
 #endif
+#if FURCL_MODE != FURCL_MODE_FAR
+#include "fibre/hit_offsets.clh"
+#endif
 
 __kernel void sample_lobe_h(
     __global float* state, __global const uint* hit_queues, __global const uint* counts,
@@ -16,6 +20,9 @@ __kernel void sample_lobe_h(
     __global const float* material, __global uint* lobe_counts
 #if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
     , __global const uint* absorption, __global const uint* strands
+#endif
+#if FURCL_MODE == FURCL_MODE_MULTISCALE
+    , const Camera camera
 #endif
     )
 {
@@ -43,7 +50,17 @@ __kernel void sample_lobe_h(
 #endif
             const Incidence in = incidence_at(
                 &fibre, lane(&hits.frames.sin_theta, k), lane(&hits.frames.cos_theta, k));
+#if FURCL_MODE != FURCL_MODE_FAR
+            const FibreFrame frame = frame_of_lane(&hits.frames, k);
+            const Offsets within = offsets_of_hit(paths, slot, depth, &wave, vertices, &frame
+#if FURCL_MODE == FURCL_MODE_MULTISCALE
+                , &camera, uint_lane(&hits.pixel, k), uint_lane(&hits.sample, k)
+#endif
+                );
+            const LobeAndOffset chosen = sample_within(&fibre, &in, within, lane4(&hits.xi, k).xyz);
+#else
             const LobeAndOffset chosen = sample_lobe_and_offset(&fibre, &in, lane4(&hits.xi, k).xyz);
+#endif
             set_path_uint(paths, PS_LOBE, slot, chosen.lobe);
             set_path_float(paths, PS_OFFSET_H, slot, chosen.h);
             set_path_float(paths, PS_JOINT, slot, chosen.joint);

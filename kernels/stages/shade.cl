@@ -7,6 +7,9 @@
 #endif
 #if FURCL_LIGHT_SAMPLING
 #include "light/lights.clh"
+#if FURCL_MODE != FURCL_MODE_FAR
+#include "fibre/hit_offsets.clh"
+#endif
 #endif
 
 /* The point on the axis and the radius (w) where a path met a fibre. */
@@ -24,6 +27,9 @@ static inline float4 point_on_fibre(Paths paths, uint slot, __global const Store
 static inline void add_light_sample(
     Bounce* bounce, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
     __global const float* light, float4 xi, float4 choice, float3 sampler_xi
+#if FURCL_MODE != FURCL_MODE_FAR
+    , Offsets within
+#endif
 #if FURCL_LAYER_LOBES
     , Spectrum* of_lobe
 #endif
@@ -40,7 +46,11 @@ static inline void add_light_sample(
 #if FURCL_LAYER_LOBES
     Spectrum before_lobe[FURCL_LOBES + 1];
 #endif
+#if FURCL_MODE != FURCL_MODE_FAR
+    const LobeTerms towards = value_towards_within(fibre, in, w, within, xi.zw, sampler_xi
+#else
     const LobeTerms towards = value_towards(fibre, in, w, xi.zw, sampler_xi
+#endif
 #if FURCL_LAYER_LOBES
         , before_lobe
 #endif
@@ -81,7 +91,11 @@ static inline void keep_first_light(Paths paths, uint slot, const Spectrum* of_l
 /* The next ray, of weight 0 where no lobe was chosen. */
 static inline Bounce scatter_at_fibre(
     Paths paths, uint slot, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
-    float4 xi)
+    float4 xi
+#if FURCL_LIGHT_SAMPLING && FURCL_MODE != FURCL_MODE_FAR
+    , Offsets within
+#endif
+    )
 {
     Bounce bounce;
     bounce.origin = at.xyz;
@@ -100,7 +114,9 @@ static inline Bounce scatter_at_fibre(
     bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
     bounce.weight =
         (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.y, d.z);
-#if FURCL_LIGHT_SAMPLING
+#if FURCL_LIGHT_SAMPLING && FURCL_MODE != FURCL_MODE_FAR
+    bounce.pdf = direction_density_within(fibre, in, within, b.h, d);
+#elif FURCL_LIGHT_SAMPLING
     bounce.pdf = direction_density(fibre, in, d).sum;
 #endif
     return bounce;
@@ -123,6 +139,9 @@ __kernel void shade(
 #endif
 #if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
     , __global const uint* absorption, __global const uint* strands
+#endif
+#if FURCL_LIGHT_SAMPLING && FURCL_MODE == FURCL_MODE_MULTISCALE
+    , const Camera camera
 #endif
     )
 {
@@ -149,7 +168,7 @@ __kernel void shade(
 #endif
         /* Of roulette and, for light samples of lobes whose h it draws, of the sampler. */
         bool needed = roulette_plays(&wave, depth);
-#if FURCL_LIGHT_SAMPLING && (FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI)
+#if FURCL_LIGHT_SAMPLING && ((FURCL_LOBE_MASK & ~FURCL_H_GIVEN_PHI) || FURCL_MODE == FURCL_MODE_MULTISCALE)
         needed = true;
 #endif
         Lanes4 ending_xi = {0.0f, 0.0f, 0.0f, 0.0f};
@@ -165,8 +184,19 @@ __kernel void shade(
             const FibreFrame frame = frame_of_lane(&hits.frames, k);
             const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
             const float4 at = point_on_fibre(paths, slot, vertices);
+#if FURCL_LIGHT_SAMPLING && FURCL_MODE != FURCL_MODE_FAR
+            const Offsets within = offsets_of_hit(paths, slot, depth, &wave, vertices, &frame
+#if FURCL_MODE == FURCL_MODE_MULTISCALE
+                , &camera, uint_lane(&hits.pixel, k), uint_lane(&hits.sample, k)
+#endif
+                );
+#endif
             Bounce bounce =
-                scatter_at_fibre(paths, slot, &frame, &fibre, &in, at, lane4(&hits.xi, k));
+                scatter_at_fibre(paths, slot, &frame, &fibre, &in, at, lane4(&hits.xi, k)
+#if FURCL_LIGHT_SAMPLING && FURCL_MODE != FURCL_MODE_FAR
+                    , within
+#endif
+                    );
 #if FURCL_LIGHT_SAMPLING
             float4 choice = (float4)(0.0f);
 #if FURCL_LAMPS
@@ -178,6 +208,9 @@ __kernel void shade(
 #endif
             add_light_sample(&bounce, &frame, &fibre, &in, at, light, lane4(&light_xi, k), choice,
                              lane4(&ending_xi, k).yzw
+#if FURCL_MODE != FURCL_MODE_FAR
+                             , within
+#endif
 #if FURCL_LAYER_LOBES
                              , of_lobe
 #endif

@@ -1,6 +1,7 @@
 /* The device functions that render, on arrays: one work-item an element.
    Directions are float4 with the tangent as x; values have three channels whatever the build; densities of
-   h are relative to h uniform over the fibre's width (fibre/sampler.clh). */
+   h are relative to h uniform over the fibre's width (fibre/sampler.clh), or within the limits that each
+   element has where h has some (FURCL_MODE). */
 #include "core/rng.clh"
 #include "fibre/sampler.clh"
 #include "geometry/frame.clh"
@@ -13,6 +14,13 @@ static inline void store_spectrum(__global float* out, Spectrum s)
     vstore3(s, 0, out);
 #endif
 }
+
+#if FURCL_MODE == FURCL_MODE_FAR
+#define WITHIN_ARGUMENT
+#else
+#define WITHIN_ARGUMENT , __global const float2* limits
+#define WITHIN(i) ((Offsets){limits[i].x, limits[i].y})
+#endif
 
 static inline FibreFrame probe_frame(float4 wo) { return fibre_frame((float3)(1, 0, 0), wo.xyz); }
 
@@ -36,7 +44,7 @@ __kernel void probe_attenuation(
 __kernel void probe_evaluate(
     __global const float4* wo, __global const float4* wi, __global const float* h,
     __global float* value, __global float* joint_out, __global float* direction_pdf, const uint n,
-    __global const float* material)
+    __global const float* material WITHIN_ARGUMENT)
 {
     const uint i = get_global_id(0);
     if (i >= n) return;
@@ -46,7 +54,11 @@ __kernel void probe_evaluate(
     const BcsdfAtOffset b = bcsdf_at_offset(&fibre, &in, h[i]);
     const float3 w = frame_angles(&frame, wi[i].xyz);
     float joint[FURCL_LOBES];
+#if FURCL_MODE == FURCL_MODE_FAR
     joint_densities(&fibre, &in, &b, joint);
+#else
+    joint_densities_within(&fibre, &in, WITHIN(i), &b, joint);
+#endif
     for (uint p = 0; p < FURCL_LOBES; p++) {
         const size_t at = (size_t)p * n + i;
         LobeTerms terms;
@@ -72,7 +84,7 @@ static inline float4 probe_numbers(
 __kernel void probe_sample(
     __global const float4* wo, __global float4* wi, __global float* h, __global uint* lobe,
     __global float* weight, __global float* pdf, const uint n, const uint seed, const uint given,
-    __global const float4* numbers, __global const float* material)
+    __global const float4* numbers, __global const float* material WITHIN_ARGUMENT)
 {
     const uint i = get_global_id(0);
     if (i >= n) return;
@@ -80,7 +92,11 @@ __kernel void probe_sample(
     const FibreFrame frame = probe_frame(wo[i]);
     const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
     const float4 xi = probe_numbers(seed, i, DIM_LOBE, given, numbers);
+#if FURCL_MODE == FURCL_MODE_FAR
     const LobeAndOffset chosen = sample_lobe_and_offset(&fibre, &in, xi.xyz);
+#else
+    const LobeAndOffset chosen = sample_within(&fibre, &in, WITHIN(i), xi.xyz);
+#endif
     h[i] = chosen.h;
     lobe[i] = min(chosen.lobe, (uint)FURCL_LOBES);
     wi[i] = (float4)(0.0f);
@@ -97,11 +113,11 @@ __kernel void probe_sample(
 }
 
 #if FURCL_LIGHT_SAMPLING
-/* reads wo, wi; writes an estimate of the far field towards wi [n][3] and about the density of samples
-   there. Over n. */
+/* reads wo, wi; writes an estimate of the far field towards wi [n][3], or of the mean within the limits, and
+   about the density of samples there. Over n. */
 __kernel void probe_towards(
     __global const float4* wo, __global const float4* wi, __global float* value, __global float* pdf,
-    const uint n, const uint seed, __global const float* material)
+    const uint n, const uint seed, __global const float* material WITHIN_ARGUMENT)
 {
     const uint i = get_global_id(0);
     if (i >= n) return;
@@ -110,8 +126,12 @@ __kernel void probe_towards(
     const Incidence in = incidence_at(&fibre, frame.sin_theta, frame.cos_theta);
     const float4 xi = uniform4(seed, 0u, i, bounce_dimension(0u, DIM_LIGHT));
     const float4 sampler_xi = uniform4(seed, 0u, i, bounce_dimension(0u, DIM_ROULETTE));
-    const LobeTerms towards =
-        value_towards(&fibre, &in, frame_angles(&frame, wi[i].xyz), xi.zw, sampler_xi.yzw);
+    const float3 w = frame_angles(&frame, wi[i].xyz);
+#if FURCL_MODE == FURCL_MODE_FAR
+    const LobeTerms towards = value_towards(&fibre, &in, w, xi.zw, sampler_xi.yzw);
+#else
+    const LobeTerms towards = value_towards_within(&fibre, &in, w, WITHIN(i), xi.zw, sampler_xi.yzw);
+#endif
     store_spectrum(value + 3 * (size_t)i, towards.value);
     pdf[i] = towards.pdf;
 }

@@ -32,14 +32,14 @@ class _Chiang(Shape):
         within = self._cdf(np.array(np.pi)) - self._cdf(np.array(-np.pi))
         return e / (self._s * (1.0 + e) ** 2) / within
 
-    def draw_azimuth(self, rng: np.random.Generator, n: int) -> Array:
+    def draw_turn(self, name: str, rng: np.random.Generator, n: int) -> Array:
         """The inverse of the logistic's CDF between its values at the ends."""
         low, high = self._cdf(np.array(-np.pi)), self._cdf(np.array(np.pi))
         u = rng.uniform(low, high, n)
         return np.clip(-self._s * np.log(1.0 / u - 1.0), -np.pi, np.pi)
 
 
-REFERENCE = Reference(lambda fibre, residual: _Chiang(fibre))
+REFERENCE = Reference(lambda fibre, residual, profiles: _Chiang(fibre))
 evaluate = REFERENCE.evaluate
 direction_pdf = REFERENCE.direction_pdf
 pdf = REFERENCE.pdf

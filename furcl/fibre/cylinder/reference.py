@@ -50,17 +50,72 @@ class Shape(ABC):
         """Stretches inside the fibre."""
         return 0 if name == "R" else len(name) - 1
 
-    @abstractmethod
+    def attenuations(self, h: ArrayLike, theta: ArrayLike) -> dict[str, Array]:
+        """A_p(h) (..., 3) of the lobes that there are."""
+        return attenuations(self, h, theta)
+
+    def edges(self, theta: float) -> tuple[float, ...]:
+        """Offsets |h| at which attenuations have edges; those above 1 do not count."""
+        return ()
+
     def variance(self, p: int) -> float:
         """Longitudinal variance of order p [rad^2]."""
+        raise NotImplementedError
 
-    @abstractmethod
     def azimuth(self, angle: Array) -> Array:
         """Azimuthal density [1/rad] at an angle from the specular azimuth [rad]."""
+        raise NotImplementedError
 
     @abstractmethod
-    def draw_azimuth(self, rng: np.random.Generator, n: int) -> Array:
-        """(n,) angles [rad] of that density."""
+    def draw_turn(self, name: str, rng: np.random.Generator, n: int) -> Array:
+        """(n,) angles [rad] from the specular azimuth of a lobe, of its density."""
+
+    def specular(self, name: str, h: Array, theta: Array) -> Array:
+        """Specular azimuth of a lobe [rad]."""
+        return specular(self, self.order(name), h, theta)
+
+    def density(
+        self, name: str, theta: Array, theta_o: Array, phi: Array, h: Array, uniform: bool
+    ) -> Array:
+        """Density (...) [1/sr] of a lobe's directions; `uniform`: lobes that have profiles go into
+        all directions alike."""
+        mu, beta = self.centre(name, theta, phi)
+        along = longitudinal(theta_o, mu, beta * beta)
+        if name == RESIDUAL:
+            return along / (2.0 * np.pi)
+        angle = phi - self.specular(name, h, theta)
+        return along * self.azimuth(angle - 2.0 * np.pi * np.rint(angle / (2.0 * np.pi)))
+
+    def value(
+        self, name: str, a: Array, theta: Array, theta_o: Array, phi: Array, h: Array
+    ) -> Array:
+        """Value (..., 3) [1/sr] of a lobe of attenuation a (..., 3)."""
+        return a * self.density(name, theta, theta_o, phi, h, False)[..., None]
+
+    def value_over_density(
+        self,
+        name: str,
+        a: Array,
+        theta: Array,
+        theta_o: Array,
+        phi: Array,
+        h: Array,
+        density: Array,
+    ) -> Array:
+        """`value` over the density (...) with which a direction was drawn."""
+        return a
+
+    def draw_direction(
+        self, name: str, theta: Array, h: Array, uniform: bool, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Inclinations and azimuths (n,) [rad] of the density of a lobe."""
+        n = len(h)
+        if name == RESIDUAL:
+            phi = rng.uniform(-np.pi, np.pi, n)
+        else:
+            phi = self.specular(name, h, theta) + self.draw_turn(name, rng, n)
+        mu, beta = self.centre(name, theta, phi)
+        return draw_inclination(mu, beta, rng), phi
 
     def centre(self, name: str, theta: Array, phi: Array) -> tuple[Array, Array]:
         """Longitudinal centre and width (...) [rad] of a lobe."""
@@ -116,22 +171,20 @@ class Reference:
 
     Parameters
     ----------
-    shape_of : callable     fibre, residual asked for -> Shape
+    shape_of : callable     fibre, residual asked for, what the model prepared -> Shape
     """
 
     def __init__(self, shape_of: Any) -> None:
         self._shape_of = shape_of
 
-    def _density(self, shape: Shape, name: str, wo: Array, wi: Array, h: Array) -> Array:
-        theta, phi_in = angles(wo)
-        theta_o, phi_out = angles(wi)
+    @staticmethod
+    def _pair(wo: ArrayLike, wi: ArrayLike, h: ArrayLike) -> tuple[Array, ...]:
+        """theta of wo, theta of wi, azimuth between them, h, of one shape."""
+        theta, phi_in = angles(unit_vectors("wo", wo))
+        theta_o, phi_out = angles(unit_vectors("wi", wi))
+        h = np.asarray(h, np.float64)
         theta, theta_o, phi, h = np.broadcast_arrays(theta, theta_o, phi_out - phi_in, h)
-        mu, beta = shape.centre(name, theta, phi)
-        along = longitudinal(theta_o, mu, beta * beta)
-        if name == RESIDUAL:
-            return along / (2.0 * np.pi)
-        angle = phi - specular(shape, shape.order(name), h, theta)
-        return along * shape.azimuth(angle - 2.0 * np.pi * np.rint(angle / (2.0 * np.pi)))
+        return theta, theta_o, phi, h
 
     def evaluate(
         self,
@@ -144,13 +197,11 @@ class Reference:
         residual: bool = False,
     ) -> Array:
         """Value (..., 3) [1/sr] at a fixed offset, the cosine included."""
-        shape = self._shape_of(fibre, residual or lobe is not None)
-        wo, wi = unit_vectors("wo", wo), unit_vectors("wi", wi)
-        h = np.asarray(h, np.float64)
-        a = attenuations(shape, h, angles(wo)[0])
+        shape = self._shape_of(fibre, residual or lobe is not None, profiles)
+        theta, theta_o, phi, h = self._pair(wo, wi, h)
+        a = shape.attenuations(h, theta)
         names = list(a) if lobe is None else [self._name(shape, lobe)]
-        total = sum(a[n] * self._density(shape, n, wo, wi, h)[..., None] for n in names)
-        return np.asarray(total)
+        return np.asarray(sum(shape.value(n, a[n], theta, theta_o, phi, h) for n in names))
 
     def direction_pdf(
         self,
@@ -164,10 +215,9 @@ class Reference:
         sampling: str,
     ) -> Array:
         """Density (...) [1/sr] of wi once lobe and offset are chosen."""
-        sampling_name(sampling)
-        shape = self._shape_of(fibre, True)
-        wo, wi = unit_vectors("wo", wo), unit_vectors("wi", wi)
-        return self._density(shape, self._name(shape, lobe), wo, wi, np.asarray(h, np.float64))
+        shape = self._shape_of(fibre, True, profiles)
+        pair, uniform = self._pair(wo, wi, h), sampling_name(sampling) != "full-cdf"
+        return shape.density(self._name(shape, lobe), *pair, uniform)
 
     def pdf(
         self,
@@ -183,14 +233,14 @@ class Reference:
         residual: bool = False,
     ) -> Array:
         """Density (...) of (lobe, h, wi) [1/sr per unit of h], or of (h, wi) for lobe = None."""
-        shape = self._shape_of(fibre, residual)
-        wo, wi = unit_vectors("wo", wo), unit_vectors("wi", wi)
-        theta, h = np.broadcast_arrays(angles(wo)[0], np.asarray(h, np.float64))
+        shape = self._shape_of(fibre, residual, profiles)
+        pair, uniform = self._pair(wo, wi, h), sampling_name(sampling) != "full-cdf"
+        theta, _, _, h = pair
         q = _choice(sampling, shape, theta.ravel()).densities(h.ravel())
-        names = list(attenuations(shape, h, theta))
+        names = list(shape.attenuations(h, theta))
         asked = names if lobe is None else [self._name(shape, lobe)]
         total = sum(
-            q[names.index(name)].reshape(h.shape) * self._density(shape, name, wo, wi, h)
+            q[names.index(name)].reshape(h.shape) * shape.density(name, *pair, uniform)
             for name in asked
         )
         return np.asarray(total)
@@ -207,31 +257,28 @@ class Reference:
         residual: bool = False,
     ) -> Samples:
         """Draws of lobe, offset and direction."""
-        shape = self._shape_of(fibre, residual)
+        shape = self._shape_of(fibre, residual, profiles)
+        uniform = sampling_name(sampling) != "full-cdf"
         rng = np.random.default_rng(rng)
         wo = unit_vectors("wo", wo)
         wo = np.atleast_2d(wo) if n is None else np.broadcast_to(wo, (n, 3))
         theta, azimuth = angles(wo)
         choice = _choice(sampling, shape, theta)
         place, h = choice.draw(rng)
-        a = attenuations(shape, h, theta)
+        a = shape.attenuations(h, theta)
         q = choice.densities(h)
         wi, weight, density = np.zeros(wo.shape), np.zeros(wo.shape), np.zeros(len(wo))
         lobe = np.full(len(wo), len(shape.names))
         for index, name in enumerate(a):
             mine = np.flatnonzero(place == index)
-            if name == RESIDUAL:
-                phi = rng.uniform(-np.pi, np.pi, len(mine))
-            else:
-                phi = specular(shape, shape.order(name), h[mine], theta[mine])
-                phi = phi + shape.draw_azimuth(rng, len(mine))
-            mu, beta = shape.centre(name, theta[mine], phi)
-            out = draw_inclination(mu, beta, rng)
-            phi = azimuth[mine] + phi
-            cos = np.cos(out)
-            wi[mine] = np.stack([np.sin(out), cos * np.cos(phi), cos * np.sin(phi)], 1)
-            weight[mine] = 0.5 * a[name][mine] / q[index, mine, None]
-            density[mine] = q[index, mine] * self._density(shape, name, wo[mine], wi[mine], h[mine])
+            at, offset = theta[mine], h[mine]
+            out, phi = shape.draw_direction(name, at, offset, uniform, rng)
+            turned, cos = azimuth[mine] + phi, np.cos(out)
+            wi[mine] = np.stack([np.sin(out), cos * np.cos(turned), cos * np.sin(turned)], 1)
+            of_lobe = shape.density(name, at, out, phi, offset, uniform)
+            energy = shape.value_over_density(name, a[name][mine], at, out, phi, offset, of_lobe)
+            weight[mine] = 0.5 * energy / q[index, mine, None]
+            density[mine] = q[index, mine] * of_lobe
             lobe[mine] = shape.names.index(name)
         return Samples(wi, h, lobe, weight, density)
 
@@ -244,7 +291,7 @@ class Reference:
         residual: bool = False,
     ) -> dict[str, Array]:
         """Energy of every lobe at offsets h: name -> (..., 3)."""
-        return attenuations(self._shape_of(fibre, residual), h, theta_in)
+        return self._shape_of(fibre, residual, profiles).attenuations(h, theta_in)
 
     def albedo(
         self,
@@ -255,7 +302,7 @@ class Reference:
         residual: bool = False,
     ) -> Array:
         """Directional albedo (..., 3)."""
-        return np.sum(list(self._albedos(fibre, theta, n, residual).values()), axis=0)
+        return np.sum(list(self._albedos(fibre, theta, profiles, n, residual).values()), axis=0)
 
     def lobe_shares(
         self, fibre: Any, profiles: Any = None, residual: bool = False
@@ -263,17 +310,27 @@ class Reference:
         """Share of each lobe in what isotropically oriented fibres return."""
         x, w = np.polynomial.legendre.leggauss(48)
         theta = np.pi / 4 * (x + 1.0)
-        lobes = self._albedos(fibre, theta, 64, residual)
+        lobes = self._albedos(fibre, theta, profiles, 64, residual)
         energy = np.stack([albedo.mean(-1) for albedo in lobes.values()])
         weight = w * np.cos(theta) ** 2
         shares = (energy / energy.sum(0)) @ weight / weight.sum()
         return {name: float(share) for name, share in zip(lobes, shares, strict=True)}
 
-    def _albedos(self, fibre: Any, theta: ArrayLike, n: int, residual: bool) -> dict[str, Array]:
+    def _albedos(
+        self, fibre: Any, theta: ArrayLike, profiles: Any, n: int, residual: bool
+    ) -> dict[str, Array]:
         theta = np.asarray(theta, np.float64)
-        h, w = _nodes(1, n)
-        a = attenuations(self._shape_of(fibre, residual), h[0], theta[..., None])
-        return {name: np.einsum("n,...nc->...c", w[0], row) for name, row in a.items()}
+        shape = self._shape_of(fibre, residual, profiles)
+        rows: dict[str, list[Array]] = {}
+        for angle in theta.ravel():
+            inside = [edge for edge in shape.edges(float(angle)) if 0.0 < edge < 1.0]
+            cuts = np.array([0.0, *sorted(inside), 1.0])
+            h, w = _nodes(1, n)
+            h = cuts[:-1, None] + np.diff(cuts)[:, None] * h
+            w = np.diff(cuts)[:, None] * w
+            for name, a in shape.attenuations(h, angle).items():
+                rows.setdefault(name, []).append(np.einsum("pn,pnc->c", w, a))
+        return {name: np.reshape(row, (*theta.shape, 3)) for name, row in rows.items()}
 
     @staticmethod
     def _name(shape: Shape, lobe: Any) -> str:
@@ -302,7 +359,8 @@ class _UniformOffset:
         self._shape, self._theta = shape, theta
 
     def densities(self, h: Array) -> Array:
-        share = np.stack([a.mean(-1) for a in attenuations(self._shape, h, self._theta).values()])
+        lobes = self._shape.attenuations(h, self._theta)
+        share = np.stack([a.mean(-1) for a in lobes.values()])
         return 0.5 * share / share.sum(0)
 
     def draw(self, rng: np.random.Generator) -> tuple[Indices, Array]:
@@ -318,7 +376,7 @@ class _BinnedOffset:
         h, w = _nodes(BINS, NODES)
         rows = []
         for t in inclinations:
-            a = attenuations(shape, h, t)
+            a = shape.attenuations(h, t)
             rows.append([(x.mean(-1) * w).sum(1) * BINS for x in a.values()])
         self._means = np.array(rows)
         self._albedo = self._means.mean(2).sum(1)

@@ -26,6 +26,7 @@ class CylinderTable(ModelTable, frozen=True, kw_only=True, tag_field="model"):
     colour : (r,g,b)        wanted colour of a thick groom, from which sigma_a follows
     melanin : table         pigments, from which sigma_a follows
     absorption : table      sigma_a where it differs between strands or along them
+    mode : str              as of the double cylinder: "far", "near", "multiscale"
     """
 
     preset: Annotated[str | None, Meta(examples=["brown"])] = None
@@ -53,12 +54,7 @@ class CylinderTable(ModelTable, frozen=True, kw_only=True, tag_field="model"):
         ------
         FibreError      unknown preset, or a value outside its range
         """
-        given = {
-            name: getattr(self, name)
-            for name in self.__struct_fields__
-            if name not in ("preset", "colour", "melanin", "absorption")
-            and getattr(self, name) is not None
-        }
+        given = self.given()
         if self.melanin is not None:
             pigments = self.melanin.eumelanin, self.melanin.pheomelanin
             given["sigma_a"] = sigma_ca_from_melanin(*pigments)

@@ -26,6 +26,7 @@ class DEonTable(CylinderTable, frozen=True, kw_only=True, tag="deon"):
     colour : (r,g,b)        wanted colour of a thick groom, from which sigma_a follows
     melanin : table         pigments, from which sigma_a follows
     absorption : table      sigma_a where it differs between strands or along them
+    mode : str              as of the double cylinder: "far", "near", "multiscale"
     """
 
     described_by: ClassVar = DEonFibre

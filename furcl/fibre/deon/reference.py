@@ -26,7 +26,7 @@ class _DEon(Shape):
     def azimuth(self, angle: Array) -> Array:
         return wrapped_gaussian(angle, self._n)
 
-    def draw_azimuth(self, rng: np.random.Generator, n: int) -> Array:
+    def draw_turn(self, name: str, rng: np.random.Generator, n: int) -> Array:
         return self._n * rng.standard_normal(n)
 
     def centre(self, name: str, theta: Array, phi: Array) -> tuple[Array, Array]:
@@ -40,7 +40,7 @@ class _DEon(Shape):
         return np.arcsin(np.clip(mirrored, -1.0, 1.0)), np.maximum(width, MIN_BETA)
 
 
-REFERENCE = Reference(_DEon)
+REFERENCE = Reference(lambda fibre, residual, profiles: _DEon(fibre, residual))
 evaluate = REFERENCE.evaluate
 direction_pdf = REFERENCE.direction_pdf
 pdf = REFERENCE.pdf

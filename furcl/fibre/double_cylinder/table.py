@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
@@ -25,6 +25,10 @@ class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="
     colour : (r,g,b)        wanted colour of a thick groom, from which sigma_ca follows
     melanin : table         pigments, from which sigma_ca follows
     absorption : table      sigma_ca where it differs between strands or along them
+    mode : str              where across the fibre light meets it: "far" anywhere, so that it shows
+                            its mean, "near" where the ray does, for fibres that are seen wide,
+                            "multiscale" near it, within the pixel of a camera ray, and
+                            anywhere after that
     """
 
     described_by: ClassVar = Fibre
@@ -62,12 +66,7 @@ class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="
         ------
         FibreError      unknown preset, or a value outside its range
         """
-        changes: dict[str, Any] = {
-            name: getattr(self, name)
-            for name in self.__struct_fields__
-            if name not in ("preset", "colour", "melanin", "absorption")
-            and getattr(self, name) is not None
-        }
+        changes = self.given()
         if self.preset is not None:
             fibre = Fibre.preset(self.preset, **changes)
         else:

@@ -55,6 +55,7 @@ class MarschnerTable(CylinderTable, frozen=True, kw_only=True, tag="marschner"):
     colour : (r,g,b)        wanted colour of a thick groom, from which sigma_a follows
     melanin : table         pigments, from which sigma_a follows
     absorption : table      sigma_a where it differs between strands or along them
+    mode : str              "far" alone: no offset is left in the model
     """
 
     described_by: ClassVar = MarschnerFibre
@@ -76,6 +77,7 @@ class Marschner(FibreModel):
     """docs/models/marschner.md."""
 
     name = "marschner"
+    has_offset = False
     lobes = tuple(Lobe(name, h_given_phi=True) for name in ("R", "TT", "TRT"))
     header = Path("fibre/marschner/bcsdf.clh")
     struct = STRUCT

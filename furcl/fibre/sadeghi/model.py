@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -48,6 +48,7 @@ class SadeghiTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag
     ----------
     preset : str            parameters by name
     absorption : table      not of this model: its lobes have colours
+    mode : str              "far" alone: no offset is left in the model
     """
 
     described_by: ClassVar = SadeghiFibre
@@ -83,18 +84,14 @@ class SadeghiTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag
         ------
         FibreError      unknown preset, or a value outside its range
         """
-        given: dict[str, Any] = {
-            name: getattr(self, name)
-            for name in self.__struct_fields__
-            if name not in ("preset", "absorption") and getattr(self, name) is not None
-        }
-        return SadeghiFibre(**({} if self.preset is None else preset(self.preset)) | given)
+        return SadeghiFibre(**({} if self.preset is None else preset(self.preset)) | self.given())
 
 
 class Sadeghi(FibreModel):
     """docs/models/sadeghi.md."""
 
     name = "sadeghi"
+    has_offset = False
     lobes = tuple(Lobe(name, h_given_phi=True) for name in ("R", "TT", "TRT", "glint"))
     header = Path("fibre/sadeghi/bcsdf.clh")
     struct = STRUCT

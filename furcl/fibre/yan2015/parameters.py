@@ -1,0 +1,51 @@
+"""The parameters of a fibre whose medulla has an index of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import ClassVar
+
+from furcl.fibre.double_cylinder.parameters import RANGES as DOUBLE_CYLINDER_RANGES
+from furcl.fibre.double_cylinder.parameters import Fibre
+from furcl.fibre.ranges import number
+
+RANGES = {**DOUBLE_CYLINDER_RANGES, "eta_m": (1.0001, 3.0)}
+
+
+@dataclass(frozen=True)
+class Yan2015Fibre(Fibre):
+    """A fibre of cuticle, cortex and a medulla that refracts.
+
+    Parameters
+    ----------
+    eta_m : float       index of refraction of the medulla over that outside the fibre, 1.0001..3;
+                        that of the cortex makes it a double cylinder
+
+    The others are those of `furcl.Fibre`.
+
+    Raises
+    ------
+    FibreError          names the parameter, its value and the allowed range
+    """
+
+    model: ClassVar[str] = "yan2015"
+
+    eta_m: float = 1.2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        value = number("eta_m", self.eta_m, RANGES["eta_m"], " (medulla over outside)")
+        object.__setattr__(self, "eta_m", value)
+
+    @property
+    def cortex(self) -> Fibre:
+        """The double cylinder whose medulla has the index of the cortex."""
+        names = [field.name for field in dataclasses.fields(Fibre)]
+        return Fibre(**{name: getattr(self, name) for name in names})
+
+    @property
+    def medulla(self) -> Fibre:
+        """A double cylinder with the same medulla: it is asked for by angles inside, which depend
+        on the medulla's index."""
+        return dataclasses.replace(self.cortex, eta=self.eta_m)
