@@ -76,10 +76,13 @@ class Section:
     tag: str = ""
     kind: str = ""
     default: bool = False
+    of_list: bool = False
 
     @property
     def heading(self) -> str:
         """As a scene has it."""
+        if self.of_list:
+            return f"[[{self.name}]]"
         return f"[{self.name}] {self.tag} = {self.kind}" if self.kind else f"[{self.name}]"
 
     @property
@@ -140,6 +143,11 @@ def sections() -> list[Section]:
                 for f in inner
                 if not (named and kinds_at((*section.name.split("."), f.name)))
                 for t in _tables_in(f.type)
+            ]
+            tables += [
+                Section(f"{section.name}.{f.name}", t, of_list=True)
+                for f in inner
+                for t in _listed_in(f.type)
             ]
             found += [table for table in tables if table not in found]
     return found
@@ -227,6 +235,12 @@ def _bare(hint: Any) -> Any:
 
 def _tables_in(hint: Any) -> list[type[Table]]:
     return [p for p in _parts(hint) if isinstance(p, type) and issubclass(p, Table)]
+
+
+def _listed_in(hint: Any) -> list[type[Table]]:
+    """The tables of which a list is made."""
+    lists = [p for p in _parts(hint) if Ellipsis in typing.get_args(p)]
+    return [t for found in lists for t in _tables_in(typing.get_args(found)[0])]
 
 
 def _kind(hint: Any) -> str:

@@ -237,7 +237,7 @@ REFUSED = {
     ),
     "strands and offsets": (
         {"points": np.ones((4, 3, 3)), "radii": 1.0, "offsets": [0, 3, 6, 9, 12]},
-        r"points has shape \(4, 3, 3\); expected .* or \(S, K, 3\) without offsets",
+        r"offsets run from 0 to 12; .* the number of points, 3",  # of each of four time steps
     ),
     "radii of strands": (
         {"points": np.ones((4, 3, 3)), "radii": np.ones(12)},

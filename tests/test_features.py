@@ -72,6 +72,8 @@ VALUES = {
             for flags in itertools.product((False, True), repeat=3)
         ),
     ),
+    "motion": (0, 2),
+    "camera_motion": (0, 1),
     "lens": (False, True),
     "orthographic": (False, True),
     "crop": (False, True),
@@ -109,7 +111,9 @@ def _text(device, features, stage):
 
 def _reachable(values):
     """Combinations that a scene can have: scattering needs a medulla, colours need channels, a plan
-    needs variance; there is some light."""
+    needs variance; there is some light; a groom that moves has a radius a point."""
+    if values["motion"] and not values["point_radii"]:
+        return False
     if values["planned"] and not values["variance"]:
         return False
     if values["light"] is None and values["lamps"] is None:
@@ -288,6 +292,13 @@ ABSENT = [
     ({"meshes": MeshPart(normals=False)}, "shade_surface", ("mirrored(direction",)),
     ({"meshes": MeshPart(coat=False)}, "shade_surface", ("coat_sample(", "at->coat")),
     ({"lens": False}, "generate", ("sin_turn",)),
+    ({"motion": 0}, "generate", ("groom_time(", "PS_TIME")),
+    ({"motion": 0}, "intersect_closest", ("query.time", "PS_TIME", "groom->blocks[piece_of_time")),
+    ({"motion": 0}, "intersect_shadow", ("query.time", "PS_TIME")),
+    ({"motion": 0}, "shade", ("PS_TIME", "vertex_at_step(vertices, i, piece)")),
+    ({"camera_motion": 0}, "generate", ("moved_camera(", "vload3(3u + i, from)")),
+    ({"camera_motion": 0}, "add_first_hits", ("moved_camera(", "shutter")),
+    ({"motion": 0, "camera_motion": 0}, "generate", ("shutter", "&wave, pixel, sample, 1u")),
     ({"layers": None}, "generate", ("PS_FIRST", "set_path_uint(paths, PS_HIT_SEGMENT")),
     ({"layers": None}, "shade", ("note_for_layers(", "before_lobe", "PS_FIRST_LIGHT_0")),
     ({"layers": None}, "shade_surface", ("note_for_layers(", "bounce.first")),
@@ -319,7 +330,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
         "layers": EVERY_LAYER, "transparent": True, "crop": True, "orthographic": True,
         "sequence": "sobol", "planned": True, "held": True,
         "fibres": 2, "absorption": "strand",
-        "shadow_roulette": True, "learning": LearningPart(),
+        "shadow_roulette": True, "learning": LearningPart(), "motion": 2, "camera_motion": 2,
         "mode": "multiscale",
         "meshes": EVERY_MESH,
     }  # fmt: skip

@@ -36,8 +36,8 @@ class BvhArrays:
 
     Attributes
     ----------
-    blocks : (b, 32) uint32             see kernels/include/bvh/block.clh; block 0 is the root
-    vertices : (n_points, 4) float32    x, y, z, radius
+    blocks : (b, 32) uint32             see kernels/include/bvh/block.clh
+    vertices : (n_points, 4) float32    x, y, z, radius; of a groom that moves (n_points, T, 4)
     offsets : (S + 1,) uint32           strand s owns vertices offsets[s] .. offsets[s + 1] - 1
     stack_size : int                    stack entries that a traversal can need
     """
@@ -55,12 +55,12 @@ class Bvh:
     Attributes
     ----------
     memory : Memory         holds the buffers
-    blocks : cl.Buffer      (n_blocks, 32) uint32, see kernels/include/bvh/block.clh;
-                            block 0 is the root
+    blocks : cl.Buffer      (n_blocks, 32) uint32, see kernels/include/bvh/block.clh
     vertices : cl.Buffer    positions and radii, see kernels/include/geometry/curve.clh
     point_radii : bool      whether each vertex has a radius of its own
     strands : cl.Buffer     which vertices end a strand, see `strand_ends`
     n_blocks, n_points, n_strands, n_segments : int
+    motion : int            pieces of time that the groom moves in, each with a tree; 0: it does not
     stack_size : int        stack entries that a traversal can need
     build_seconds : float   time that the build took, upload of the groom included [s]
     """
@@ -74,6 +74,7 @@ class Bvh:
     n_points: int
     n_strands: int
     n_segments: int
+    motion: int
     stack_size: int
     build_seconds: float
 
@@ -98,6 +99,8 @@ class Bvh:
 
     def _read_vertices(self) -> NDArray[np.float32]:
         stored = self.memory.read(self.vertices, self.vertices.size // 4)
+        if self.motion:
+            return stored.reshape(-1, self.motion + 1, 4)
         if self.point_radii:
             return stored.reshape(-1, 4)
         points = stored[1:-1].reshape(-1, 3)
@@ -117,9 +120,9 @@ def build_bvh(
     Parameters
     ----------
     memory : Memory             takes BUFFERS
-    curves : Curves
+    curves : Curves             one that moves has a tree for each piece of time between its steps
     point_radii : bool          False stores the radius of the first point for all
-                                (Features.point_radii)
+                                (Features.point_radii); a groom that moves has one a vertex
     debug : bool                room for what debug builds need: behind the blocks one of no lanes,
                                 where indices outside the tree lead, and records of index checks
     chunk_segments : int        larger grooms are built in 8, 64, ... chunks, of at most about that
@@ -131,7 +134,11 @@ def build_bvh(
     ResourceError, KernelBuildError
     """
     start = time.perf_counter()
-    vertices = upload_vertices(memory, "vertices", curves.points, curves.radii, point_radii)
+    if curves.steps is None:
+        vertices = upload_vertices(memory, "vertices", curves.points, curves.radii, point_radii)
+    else:
+        point_radii = True
+        vertices = _upload_steps(memory, curves.steps, curves.radii)
     n_chunks = 1
     while n_chunks * chunk_segments < curves.n_segments:
         n_chunks *= 8  # as many as fill the lanes of the blocks above them
@@ -139,6 +146,7 @@ def build_bvh(
     blocks, n_blocks, stack_size = _build_blocks(
         memory, curves, vertices, point_radii, n_chunks, spare_bytes
     )
+    motion = max(len(curves.times) - 1, 0)
     if stack_size > BVH_STACK_SIZE:
         raise BvhError(
             f"the tree of {curves.n_segments} segments needs a stack of {stack_size} entries, "
@@ -154,6 +162,7 @@ def build_bvh(
         n_points=curves.n_points,
         n_strands=curves.n_strands,
         n_segments=curves.n_segments,
+        motion=motion,
         stack_size=stack_size,
         build_seconds=time.perf_counter() - start,
     )
@@ -211,6 +220,23 @@ def upload_vertices(
     return buffer
 
 
+def _upload_steps(
+    memory: Memory, steps: NDArray[np.float32], radii: NDArray[np.float32]
+) -> cl.Buffer:
+    """The vertices of a groom that moves: those of a vertex at all time steps (T, n, 3) are side by
+    side, copied a part at a time."""
+    n_steps, n, _ = steps.shape
+    buffer = memory.allocate("vertices", 16 * n_steps * n)
+    at_once = max(_UPLOAD_POINTS // n_steps, 1)
+    for begin in range(0, n, at_once):
+        part = slice(begin, min(begin + at_once, n))
+        packed = np.empty((part.stop - begin, n_steps, 4), np.float32)
+        packed[:, :, :3] = steps[:, part].transpose(1, 0, 2)
+        packed[:, :, 3] = radii[part, None]
+        _write(memory, buffer, packed, 16 * n_steps * begin)
+    return buffer
+
+
 def _write(memory: Memory, buffer: cl.Buffer, array: NDArray, offset: int) -> None:
     """Copy an array to a place [bytes] in a buffer and wait."""
     cl.enqueue_copy(memory.device.queue, buffer, array, dst_offset=offset, is_blocking=True)
@@ -224,7 +250,41 @@ def _build_blocks(
     n_chunks: int,
     spare_bytes: int,
 ) -> tuple[cl.Buffer, int, int]:
-    """Build chunk after chunk behind the blocks over them; blocks, their number, stack size."""
+    """Build the tree of each piece of time, or the only one, behind the numbers of their roots;
+    blocks, their number, largest stack size."""
+    motion = max(len(curves.times) - 1, 0)
+    heads = -(-motion // BLOCK_WORDS)  # blocks that the numbers of roots take
+    blocks = memory.allocate("bvh", BLOCK_BYTES * max(heads, 1))  # grows with what is learnt
+    roots, stack_size = np.zeros(heads * BLOCK_WORDS, np.uint32), 0
+    end = heads
+    for piece in range(max(motion, 1)):
+        roots[piece : piece + 1] = end
+        still = curves
+        if curves.steps is not None:
+            still = curves.with_steps([curves.steps[piece]], curves.times[piece : piece + 1])
+        blocks, end, stack = _build_piece(
+            memory, still, vertices, point_radii, n_chunks, spare_bytes, blocks, end, piece, motion
+        )
+        stack_size = max(stack_size, stack)
+    if heads:
+        _write(memory, blocks, roots, 0)
+    return blocks, end, stack_size
+
+
+def _build_piece(
+    memory: Memory,
+    curves: Curves,
+    vertices: cl.Buffer,
+    point_radii: bool,
+    n_chunks: int,
+    spare_bytes: int,
+    blocks: cl.Buffer,
+    first: int,
+    piece: int,
+    motion: int,
+) -> tuple[cl.Buffer, int, int]:
+    """Build chunk after chunk behind the blocks over them, from block `first` on; blocks, where
+    they end, stack size. `curves` is the groom as it is when the piece begins."""
     if n_chunks == 1:
         chunks, sizes = [curves.segment_vertices().view(np.uint32)], [curves.n_segments]
         lanes = []
@@ -233,16 +293,16 @@ def _build_blocks(
         sizes = chunks.sizes
         lanes = top_lanes(len(sizes), chunks.stray)
     lo, hi = curves.bounds()
-    blocks = memory.allocate("bvh", BLOCK_BYTES)  # grows with what is learnt of the chunks
-    roots, ends = [], [len(lanes)]
+    roots, ends = [], [first + len(lanes)]
     with memory.scratch() as scratch:
         builder = ChunkBuilder(
-            scratch, vertices, point_radii, float((hi - lo).max()), capacity=max(sizes)
+            scratch, vertices, point_radii, float((hi - lo).max()), max(sizes), motion=motion
         )
+        builder.step = piece
         for i, segments in enumerate(chunks):
             roots.append(builder.plan(segments))
             ends.append(ends[-1] + roots[-1].n_blocks)
-            share = sum(sizes[: i + 1]) / curves.n_segments
+            share = (piece + sum(sizes[: i + 1]) / curves.n_segments) / max(motion, 1)
             blocks = _with_room(memory, blocks, ends[-1], share, spare_bytes)
             builder.write(blocks, first_block=ends[-2])
         memory.device.queue.finish()
@@ -252,8 +312,8 @@ def _build_blocks(
         [root.box + curves.points[root.first_vertex].astype(np.float64) for root in roots]
     )
     stacks = [root.stack_size for root in roots]
-    top, stack_size = top_blocks(lanes, boxes, ends[:-1], stacks)
-    _write(memory, blocks, top, 0)
+    top, stack_size = top_blocks(lanes, boxes, ends[:-1], stacks, first)
+    _write(memory, blocks, top, BLOCK_BYTES * first)
     return blocks, ends[-1], stack_size
 
 

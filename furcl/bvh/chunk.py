@@ -58,6 +58,11 @@ class ChunkBuilder:
     size : float                of the groom, any measure of it
     capacity : int              segments of the largest chunk
     triangles : bool            triangles of three vertices each take the place of segments
+    motion : int                pieces of time that the vertices move in, see Features.motion
+
+    Attributes
+    ----------
+    step : int                  the time step with which the piece begins that trees are built for
 
     Raises
     ------
@@ -72,6 +77,7 @@ class ChunkBuilder:
         size: float,
         capacity: int,
         triangles: bool = False,
+        motion: int = 0,
     ) -> None:
         self._build_binary_tree = (
             embree.build_binary_tree if triangles else needles.build_binary_tree
@@ -83,12 +89,14 @@ class ChunkBuilder:
             name: scratch.allocate(name, n_bytes * capacity) for name, n_bytes in BUFFERS.items()
         }
         self._primitives = np.empty(capacity, embree.PRIMITIVE)
+        self.step = 0
+        self._motion = motion
         self._levels: list[tuple[int, int]] = []
         self._n_blocks = 0
         built = program.build(
             scratch.device,
             "prepare/bvh_build.cl",
-            Features(point_radii=point_radii),
+            Features(point_radii=point_radii, motion=motion),
             {"FURCL_TRIANGLES": int(triangles)},
         )
         names = ("bound_segments", "summarise", "place_blocks", "fill_blocks")
@@ -119,7 +127,7 @@ class ChunkBuilder:
             self._run(
                 self._summarise, end - begin, np.uint32(begin), np.uint32(end),
                 *self._some("by height", "nodes", "leaves"), self._vertices, self._inverse_size,
-                *self._some("summaries", "boxes, then costs", "choices"),
+                *self._some("summaries", "boxes, then costs", "choices"), *self._piece,
             )  # fmt: skip
         root = self._scratch.read(self._buffers["summaries"], (2, 4))
         self._n_blocks, stack_size = (int(n) for n in root[:, 3].view(np.uint32))
@@ -143,6 +151,7 @@ class ChunkBuilder:
         self._run(
             self._fill, self._n_blocks, np.uint32(self._n_blocks), first, blocks,
             *self._some("nodes", "leaves", "summaries"), self._vertices, self._inverse_size,
+            *self._piece,
         )  # fmt: skip
 
     def _binary_tree(self, segments) -> embree.BinaryTree:
@@ -151,13 +160,18 @@ class ChunkBuilder:
         self._copy("segments", segments)
         self._run(
             self._bound, n, np.uint32(n),
-            *self._some("segments"), self._vertices, *self._some("boxes, then costs"),
+            *self._some("segments"), self._vertices, *self._some("boxes, then costs"), *self._piece,
         )  # fmt: skip
         primitives = self._primitives[:n]
         cl.enqueue_copy(self._scratch.device.queue, primitives, self._buffers["boxes, then costs"])
         tree = self._build_binary_tree(primitives)
         self._copy("leaves", primitives["primitive"].copy())
         return tree
+
+    @property
+    def _piece(self) -> list[np.uint32]:
+        """What tells kernels the piece of time."""
+        return [np.uint32(self.step)] if self._motion else []
 
     def _some(self, *names: str) -> list[cl.Buffer]:
         return [self._buffers[name] for name in names]

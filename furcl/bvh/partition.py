@@ -159,6 +159,7 @@ def top_blocks(
     boxes: NDArray[np.float32],
     first_blocks: Sequence[int],
     stack_sizes: Sequence[int],
+    first: int = 0,
 ) -> tuple[NDArray[np.uint32], int]:
     """Write the blocks over chunks.
 
@@ -168,6 +169,7 @@ def top_blocks(
     boxes : (n, 2, 3) float64           corners of the chunks
     first_blocks : (n,)                 the root of each chunk
     stack_sizes : (n,)                  stack entries that a traversal of each can need
+    first : int                         number of the first of them
 
     Returns
     -------
@@ -185,7 +187,7 @@ def top_blocks(
         below = []
         for lane, (a, b) in enumerate(children):
             single = b - a == 1
-            blocks[i, BLOCK_REFERENCES + lane] = first_blocks[a] if single else place[a, b]
+            blocks[i, BLOCK_REFERENCES + lane] = first_blocks[a] if single else first + place[a, b]
             below.append(stack_sizes[a] if single else stacks[place[a, b]])
         stacks[i] = len(children) - 1 + max(below)
     return blocks, int(stacks[0])

@@ -196,10 +196,16 @@ def _of_curves(curves: Curves) -> dict[str, str]:
         **({"arrays": _arrays(curves)} if curves.attributes or curves.ignored else {}),
         "radius": f"{curves.radii.min():.4g} to {curves.radii.max():.4g}",
         "bounds": f"{_point(lower)} to {_point(upper)}",
+        **({"time steps": _times(curves.times)} if curves.times else {}),
         "memory": f"{curves.n_bytes / 2**20:.1f} MiB on the host",
         "left out on reading": on_reading,
         "left out for rays": for_rays,
     }
+
+
+def _times(times: tuple[float, ...]) -> str:
+    """How many, and from when to when."""
+    return f"{len(times)}, {times[0]:g} to {times[-1]:g}"
 
 
 def _of_meshes(scene: Scene, meshes: Meshes | None) -> dict[str, str]:

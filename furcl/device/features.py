@@ -59,6 +59,9 @@ class Features:
     fibres : int                fibre materials of the scene, each with kernels of its own
     channels : int              3 for RGB, 1 where fibres, surface and light are grey
     absorption : str            one of layout.ABSORPTIONS, of the fibre of a kernel
+    motion : int                pieces of time, from step to step, that the groom moves in; 0: it
+                                keeps still. One that moves has point_radii
+    camera_motion : int         the same of the camera
     mode : str                  one of layout.MODES, of the fibre of a kernel
     light_sampling : bool       the light is sampled too (MIS)
     point_radii : bool          the radius differs between points of the groom
@@ -88,6 +91,8 @@ class Features:
     fibres: int = 1
     channels: int = 3
     absorption: str = "constant"
+    motion: int = 0
+    camera_motion: int = 0
     mode: str = "far"
     light_sampling: bool = False
     point_radii: bool = True

@@ -284,6 +284,7 @@ PATH_STATE = (
     Plane("ORIGIN", 3),
     Plane("DIR", 3),  # unit
     Plane("FROM_SEGMENT", 1),  # uint: segment or triangle that the ray leaves; camera: NO_SEGMENT
+    Plane("TIME", 1, lambda f: f.motion > 0),  # in the groom's time steps, 0 .. motion
     Plane("PIXEL", 1, lambda f: f.planned),  # uint: index, row by row
     Plane("SAMPLE", 1, lambda f: f.planned),  # uint: of the pixel
     Plane("HIT_T", 1, lambda f: f.has_surfaces or f.area_lamps),  # fibres need HIT_U alone

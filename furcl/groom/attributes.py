@@ -11,7 +11,7 @@ from furcl.errors import GroomError
 
 Attributes = Mapping[str, NDArray[np.float32]]
 
-RESERVED = ("points", "radii", "radius", "offsets", "counts")
+RESERVED = ("points", "radii", "radius", "offsets", "counts", "times")
 """Names of arrays that are no attributes."""
 
 CLUMP = "clump"

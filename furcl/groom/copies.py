@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 
 def copied_strands(
-    points: NDArray[np.float32], radii: NDArray[np.float32], offsets: NDArray[np.int64]
+    points: NDArray[np.float32],
+    radii: NDArray[np.float32],
+    offsets: NDArray[np.int64],
+    steps: NDArray[np.float32] | None = None,
 ) -> NDArray[np.int64]:
     """Strands with the same points and radii, to the bit and in the same order, as an earlier one.
 
@@ -20,6 +23,7 @@ def copied_strands(
     ----------
     points : (n, 3) float32, radii : (n,) float32, offsets : (s + 1,) int64
         as of furcl.groom.curves.Curves
+    steps : (T, n, 3) float32 or None   of a groom that moves: copies are the same in all of them
 
     Returns
     -------
@@ -34,7 +38,8 @@ def copied_strands(
     copies = []
     for strand in np.flatnonzero(np.isin(key, repeated)):
         part = slice(offsets[strand], offsets[strand + 1])
-        content = points[part].tobytes() + radii[part].tobytes()
+        places = points[part] if steps is None else steps[:, part]
+        content = places.tobytes() + radii[part].tobytes()
         if content in known:
             copies.append(strand)
         known.add(content)

@@ -12,6 +12,7 @@ from furcl.errors import GroomError
 from furcl.groom.attributes import Attributes, checked_values, kept_values
 from furcl.groom.close_points import squared_lengths, without_short_segments
 from furcl.groom.copies import copied_strands
+from furcl.groom.motion import checked_times, time_steps, without_short_in_all_steps
 from furcl.groom.units import NO_UNITS, Units
 
 MAX_POINTS = 2**31 - 1
@@ -44,6 +45,9 @@ class Curves:
                                  values of strands
     ignored : tuple of str       names of arrays of its file that are no attributes
     units : Units                what its file says of units and axes
+    steps : (T, N, 3) float32 or None   positions at `times`, of a groom that moves; points are
+                                 those of the first. Between times points go straight
+    times : tuple of T floats    increasing; of a groom that keeps still none
     """
 
     points: NDArray[np.float32]
@@ -53,15 +57,24 @@ class Curves:
     attributes: Attributes = field(default_factory=lambda: MappingProxyType({}))
     ignored: tuple[str, ...] = ()
     units: Units = NO_UNITS
+    steps: NDArray[np.float32] | None = None
+    times: tuple[float, ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy, which take neither a proxy of a mapping nor the flags of arrays."""
-        arrays = (self.points, self.radii, self.offsets)
-        named = (dict(self.attributes), dict(self.dropped), self.ignored, self.units)
+        arrays = (self._positions, self.radii, self.offsets)
+        named = (dict(self.attributes), dict(self.dropped), self.ignored, self.units, self.times)
         return _frozen, (*arrays, *named)
+
+    @property
+    def _positions(self) -> NDArray[np.float32]:
+        """The steps of a groom that moves, or the points of one that does not."""
+        return self.points if self.steps is None else self.steps
 
     def __repr__(self) -> str:
         named = f", with {', '.join(self.attributes)}" if self.attributes else ""
+        if self.times:
+            named += f", {len(self.times)} steps of time {self.times[0]:g} to {self.times[-1]:g}"
         return (
             f"Curves({self.n_strands} strands, {self.n_points} points, radii "
             f"{self.radii.min():.4g} to {self.radii.max():.4g}{named})"
@@ -85,7 +98,7 @@ class Curves:
     @property
     def n_bytes(self) -> int:
         """Size of the arrays in bytes."""
-        arrays = (self.points, self.radii, self.offsets, *self.attributes.values())
+        arrays = (self._positions, self.radii, self.offsets, *self.attributes.values())
         return sum(a.nbytes for a in arrays)
 
     @property
@@ -99,7 +112,8 @@ class Curves:
         return bool((self.radii == self.radii[0]).all())
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Corners (lo, hi) of the box around all points, each widened by its radius."""
+        """Corners (lo, hi) of the box around all points, each widened by its radius; of a groom
+        that moves around those of the first step."""
         lo, hi = np.full(3, np.inf), np.full(3, -np.inf)
         for begin in range(0, self.n_points, POINTS_AT_ONCE):
             part = slice(begin, begin + POINTS_AT_ONCE)
@@ -127,6 +141,8 @@ class Curves:
         GroomError                   where nothing is left
         """
         traced = self
+        if self.steps is not None:
+            return self._moving_traced(self.steps)
         thinned = without_short_segments(self.points, self.radii, self.offsets)
         if thinned is not None:
             if not len(thinned.points):
@@ -150,6 +166,45 @@ class Curves:
         kept[copies] = False
         return traced.with_strands(kept, "copied_strands")
 
+    def _moving_traced(self, steps: NDArray[np.float32]) -> "Curves":
+        """As `traced`, of what is too near or a copy in all time steps."""
+        traced = self
+        thinned = without_short_in_all_steps(steps, self.radii, self.offsets)
+        if thinned is not None:
+            dropped = dict(self.dropped)
+            for name, count in thinned.dropped.items():
+                dropped[name] = dropped.get(name, 0) + count
+            traced = _frozen(
+                thinned.steps,
+                self.radii[thinned.kept],
+                thinned.offsets,
+                kept_values(self.attributes, self.offsets, thinned.kept),
+                dropped,
+                self.ignored,
+                self.units,
+                self.times,
+            )
+        copies = copied_strands(traced.points, traced.radii, traced.offsets, traced.steps)
+        if not len(copies):
+            return traced
+        kept = np.ones(traced.n_strands, bool)
+        kept[copies] = False
+        return traced.with_strands(kept, "copied_strands")
+
+    def with_steps(self, steps: Sequence[NDArray[np.float32]], times: Sequence[float]) -> "Curves":
+        """The groom with other points (N, 3): at each of some times, or at one, still there."""
+        still = len(times) == 1
+        return _frozen(
+            steps[0].view() if still else np.stack(steps),
+            self.radii,
+            self.offsets,
+            dict(self.attributes),
+            self.dropped,
+            self.ignored,
+            self.units,
+            () if still else tuple(times),
+        )
+
     def with_strands(self, kept: NDArray[np.bool_], reason: str) -> "Curves":
         """The groom of those strands alone, at least one, of `kept` (S,); how many are left out is
         in `dropped` under the name `reason`."""
@@ -157,13 +212,14 @@ class Curves:
         points = np.flatnonzero(np.repeat(kept, counts))
         n_gone = int(np.count_nonzero(~kept))
         return _frozen(
-            self.points[points],
+            self._positions[..., points, :],
             self.radii[points],
             np.concatenate([[0], np.cumsum(counts[kept])]).astype(np.int64),
             kept_values(self.attributes, self.offsets, points),
             {**self.dropped, reason: self.dropped.get(reason, 0) + n_gone},
             self.ignored,
             self.units,
+            self.times,
         )
 
     @staticmethod
@@ -172,9 +228,11 @@ class Curves:
         radii: NDArray[np.float32],
         offsets: NDArray[np.int64],
         dropped: Mapping[str, int],
+        times: tuple[float, ...] = (),
     ) -> "Curves":
-        """A groom of arrays that are as `from_arrays` leaves them; they become read-only."""
-        return _frozen(points, radii, offsets, {}, dropped)
+        """A groom of arrays that are as `from_arrays` leaves them; they become read-only. With
+        times points are (T, N, 3)."""
+        return _frozen(points, radii, offsets, {}, dropped, times=times)
 
     @staticmethod
     def from_arrays(
@@ -187,6 +245,7 @@ class Curves:
         dropped: Mapping[str, int] | None = None,
         attributes: Mapping[str, ArrayLike] | None = None,
         ignored: Sequence[str] = (),
+        times: ArrayLike | None = None,
     ) -> "Curves":
         """Check arrays, drop what is harmless and make a groom of the rest.
 
@@ -197,7 +256,8 @@ class Curves:
 
         Parameters
         ----------
-        points : (N, 3)              finite, magnitude at most 1e18; or (S, K, 3): S strands of K
+        points : (N, 3)              finite, magnitude at most 1e18; or (S, K, 3): S strands of K;
+                                     of a groom that moves (T, N, 3) or (T, S, K, 3), T times
         radii : (N,) or scalar       0 .. 1e18, not all 0; for strands of K points (S, K) or scalar
         offsets : (S + 1,) integers  0 = offsets[0] <= ... <= offsets[S] = N; left out for strands
                                      of K points
@@ -208,6 +268,7 @@ class Curves:
                                      (S,) or (S, 3); for strands of K points those of points are
                                      (S, K) or (S, K, 3)
         ignored : sequence of str    names of arrays that the caller has left out
+        times : (T,)                 increasing; from 0 to 1, evenly, if left out
 
         Raises
         ------
@@ -224,6 +285,7 @@ class Curves:
             dropped=dropped,
             attributes=named,
             ignored=ignored,
+            times=times,
         )
         given = [points, radii, *(np.asarray(array) for array in named.values())]
         given += [] if offsets is None else [np.asarray(offsets)]
@@ -234,12 +296,14 @@ class Curves:
             return array.copy() if shared else array
 
         return _frozen(
-            own(curves.points),
+            own(curves._positions),
             own(curves.radii),
             own(curves.offsets),
             {name: own(values) for name, values in curves.attributes.items()},
             curves.dropped,
             curves.ignored,
+            curves.units,
+            curves.times,
         )
 
 
@@ -253,6 +317,7 @@ def adopted(
     attributes: Mapping[str, ArrayLike] | None = None,
     ignored: Sequence[str] = (),
     units: Units = NO_UNITS,
+    times: ArrayLike | None = None,
 ) -> Curves:
     """As `Curves.from_arrays`, of arrays that nobody else keeps: what fits is not copied.
 
@@ -260,16 +325,34 @@ def adopted(
     ------
     GroomError      as `Curves.from_arrays`
     """
-    grid = np.shape(points)[:2] if offsets is None else None
-    points, radii, offsets = _shaped(points, radii, offsets, source)
-    _check_offsets(offsets, len(points), source)
-    _check_points(points, offsets, source)
+    each = time_steps(points, offsets)
+    if each is None:
+        each, moments = [points], ()
+        if times is not None:
+            raise GroomError(
+                f"{source}: times are given, and points of shape {np.shape(points)} have no axis "
+                f"of time. Give (T, N, 3) beside offsets or counts, or (T, S, K, 3)."
+            )
+    else:
+        moments = checked_times(times, len(each), source)
+    grid = np.shape(each[0])[:2] if offsets is None else None
+    first, radii, offsets = _shaped(each[0], radii, offsets, source)
+    _check_offsets(offsets, len(first), source)
+    points = _all_steps(points, first.shape, source) if moments else first
+    for step in points if moments else [points]:
+        _check_points(step, offsets, source)
     radii, n_thin = _checked_radii(radii, offsets, source)
     values = checked_values(attributes or {}, offsets, grid, source)
     points, radii, offsets, values, cleaned = _clean(points, radii, offsets, values, source)
     found = {**(dropped or {}), **cleaned}
     found[THIN_RADII] = max(n_thin, found.get(THIN_RADII, 0))
-    return _frozen(points, radii, offsets, values, found, tuple(ignored), units)
+    return _frozen(points, radii, offsets, values, found, tuple(ignored), units, moments)
+
+
+def _all_steps(points, shape, source):
+    """Points of all time steps, (T, N, 3) float32."""
+    array = _numbers(points, "points", source)
+    return _float32(array).reshape(len(array), *shape)
 
 
 def _frozen(
@@ -280,12 +363,17 @@ def _frozen(
     dropped,
     ignored=(),
     units=NO_UNITS,
+    times=(),
 ) -> Curves:
+    """`points` are (T, N, 3) where there are times."""
     for array in (points, radii, offsets, *attributes.values()):
         array.flags.writeable = False
     counts = {name: count for name, count in dropped.items() if count > 0}
     values = MappingProxyType(dict(attributes))
-    return Curves(points, radii, offsets, MappingProxyType(counts), values, ignored, units)
+    steps = points if times else None
+    points = points[0] if times else points
+    counts = MappingProxyType(counts)
+    return Curves(points, radii, offsets, counts, values, ignored, units, steps, times)
 
 
 def _shaped(points, radii, offsets, source):
@@ -421,9 +509,11 @@ def _checked_radii(radii, offsets, source):
 
 
 def _clean(points, radii, offsets, values, source):
-    """Drop repeated points, then strands of which only one point is left."""
-    repeated = np.zeros(len(points), dtype=bool)
-    np.less(squared_lengths(points), MIN_MAGNITUDE**2, out=repeated[1:])
+    """Drop repeated points, then strands of which only one point is left; of points (T, N, 3) what
+    is so in all time steps."""
+    repeated = np.ones(points.shape[-2], dtype=bool)
+    for step in points.reshape(-1, *points.shape[-2:]):
+        repeated[1:] &= squared_lengths(step) < MIN_MAGNITUDE**2
     repeated[offsets[:-1]] = False
     if not repeated.any():
         return points, radii, offsets, values, {}
@@ -445,4 +535,4 @@ def _clean(points, radii, offsets, values, source):
         "zero_length_segments": int(np.count_nonzero(repeated)),
         "collapsed_strands": int(np.count_nonzero(collapsed)),
     }
-    return points[keep], radii[keep], offsets, values, dropped
+    return points[..., keep, :], radii[keep], offsets, values, dropped

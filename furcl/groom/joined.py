@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from furcl.errors import GroomError
 from furcl.groom.copies import copied_strands
 from furcl.groom.curves import MAX_POINTS, POINTS_AT_ONCE, Curves, adopted
+from furcl.groom.motion import MOST_STEPS, Span, during, points_at
+
+Transformed = Callable[[NDArray[np.float32]], NDArray]
+"""Points (n, 3) -> points (n, 3) elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +66,10 @@ class Grooms:
 
     @cached_property
     def curves(self) -> Curves:
-        """The strands of all grooms, without their attributes; of a single groom its own."""
+        """The strands of all grooms, without their attributes; of a single groom its own.
+
+        Where some move, all have the time steps of them all.
+        """
         if len(self.grooms) == 1:
             return self.grooms[0].curves
         curves = [groom.curves for groom in self.grooms]
@@ -71,12 +78,39 @@ class Grooms:
             dropped[name] = dropped.get(name, 0) + count
         begins = self.first_points
         offsets = [c.offsets[1:] + begin for c, begin in zip(curves, begins, strict=True)]
+        times = self.times
+        if times:
+            steps = [np.concatenate([points_at(c, time) for c in curves]) for time in times]
         return Curves.from_checked(
-            np.concatenate([c.points for c in curves]),
+            np.stack(steps) if times else np.concatenate([c.points for c in curves]),
             np.concatenate([c.radii for c in curves]),
             np.concatenate([[0], *offsets]).astype(np.int64),
             dropped,
+            times,
         )
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Those of the time steps of all grooms that move, increasing."""
+        return tuple(sorted({time for groom in self.grooms for time in groom.curves.times}))
+
+    def during(self, span: Span) -> Grooms:
+        """The grooms for as long as a shutter is open, see `furcl.groom.motion.during`.
+
+        Raises
+        ------
+        GroomError      a span beyond a groom's times, or more than MOST_STEPS steps in it
+        """
+        found = Grooms(
+            [replace(g, curves=during(g.curves, span, f"groom {g.name}")) for g in self.grooms]
+        )
+        if len(found.times) > MOST_STEPS:
+            raise GroomError(
+                f"groom {found.grooms[0].name}: {len(found.times)} time steps from {span[0]:g} to "
+                f"{span[1]:g}, at most {MOST_STEPS} are kept; open camera.shutter for a shorter "
+                f"time, or write fewer steps."
+            )
+        return found
 
     @property
     def first_points(self) -> list[int]:
@@ -107,7 +141,7 @@ class Grooms:
         if len(self.grooms) == 1:
             return traced
         curves = traced.curves
-        copies = copied_strands(curves.points, curves.radii, curves.offsets)
+        copies = copied_strands(curves.points, curves.radii, curves.offsets, curves.steps)
         if not len(copies):
             return traced
         kept = np.ones(curves.n_strands, bool)
@@ -123,32 +157,42 @@ class Grooms:
 
 
 def placed(
-    curves: Curves, transform: Callable[[NDArray[np.float32]], NDArray], scale: float, source: str
+    curves: Curves,
+    transforms: Sequence[Transformed],
+    scale: float,
+    source: str,
+    times: Sequence[float] = (0.0,),
 ) -> Curves:
     """A groom elsewhere.
 
     Parameters
     ----------
-    transform : callable    points (n, 3) -> points (n, 3)
+    transforms : callables  points (n, 3) -> points (n, 3): one, or one for each of the times
     scale : float           factor on radii
     source : str            the groom's name in messages
+    times : floats          increasing; of several the groom gets time steps
 
     Raises
     ------
     GroomError              points or radii that are too large there
     """
-    points = np.empty_like(curves.points)
-    for begin in range(0, curves.n_points, POINTS_AT_ONCE):
-        part = slice(begin, begin + POINTS_AT_ONCE)
-        points[part] = transform(curves.points[part])
+    steps = np.empty((len(times), curves.n_points, 3), np.float32)
+    for step, time, transform in zip(steps, times, transforms, strict=True):
+        points = points_at(curves, time)
+        for begin in range(0, curves.n_points, POINTS_AT_ONCE):
+            part = slice(begin, begin + POINTS_AT_ONCE)
+            step[part] = transform(points[part])
+    moves = len(times) > 1
     return adopted(
-        points,
+        steps if moves else steps[0],
         curves.radii * np.float32(scale),
         curves.offsets,
         source=source,
         dropped=curves.dropped,
         attributes=curves.attributes,
         ignored=curves.ignored,
+        units=curves.units,
+        times=times if moves else None,
     )
 
 

@@ -44,11 +44,15 @@ def z_up(curves: Curves, up_axis: str | None = None) -> Curves:
     if axis not in _TURNS:
         raise GroomError(f"up axis = {shown(axis)}; it must be one of {', '.join(_TURNS)}.")
     units = Units(curves.units.metres, "z" if up_axis or curves.units.up_axis else None)
-    points = curves.points
+    points, steps = curves.points, curves.steps
     if axis != "z":
         points = turned(points, axis)
         points.flags.writeable = False
-    return dataclasses.replace(curves, points=points, units=units)
+        if steps is not None:
+            steps = np.stack([turned(step, axis) for step in steps])
+            steps.flags.writeable = False
+            points = steps[0]
+    return dataclasses.replace(curves, points=points, steps=steps, units=units)
 
 
 def scaled(curves: Curves, factor: float) -> Curves:
@@ -63,7 +67,7 @@ def scaled(curves: Curves, factor: float) -> Curves:
     if factor == 1.0:
         return curves
     with np.errstate(over="ignore", under="ignore"):
-        points = curves.points * np.float32(factor)
+        points = (curves.points if curves.steps is None else curves.steps) * np.float32(factor)
         radii = curves.radii * np.float32(factor)
     return adopted(
         points,
@@ -74,4 +78,5 @@ def scaled(curves: Curves, factor: float) -> Curves:
         attributes=curves.attributes,
         ignored=curves.ignored,
         units=curves.units.scaled(factor),
+        times=curves.times or None,
     )

@@ -163,6 +163,11 @@ class InterpolatedCurves(FileCurves, frozen=True, kw_only=True, tag="interpolate
 
         read = self.read()
         guides, axis = z_up(read, self.up_axis), axis_up(read, self.up_axis)
+        if guides.times:
+            raise GroomError(
+                f"{self.file}: guides that move have no children yet; write the guides of one time "
+                f"step, or the children of all of them."
+            )
         not_own = {*FileCurves.__struct_fields__, "mesh_file", "root_reach"}
         own = set(self.__struct_fields__) - not_own
         return children(

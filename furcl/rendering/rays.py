@@ -29,6 +29,8 @@ class Rays:
     from_segment : (n,) uint32 or None  segment on whose axis the ray begins (its first vertex), or
                                         NO_SEGMENT: the ray does not hit the fibre that it leaves;
                                         beside meshes a triangle too, TRIANGLE + its first vertex
+    times : (n,) float32 or scalar      when each ray sees a groom that moves, in its time steps,
+                                        0 to the last one
     """
 
     def __init__(
@@ -38,10 +40,11 @@ class Rays:
         directions: NDArray[np.float32],
         t_max: NDArray[np.float32] | float = np.inf,
         from_segment: NDArray[np.uint32] | None = None,
+        times: NDArray[np.float32] | float = 0.0,
     ) -> None:
         self.n = len(origins)
         packed = np.empty((2, self.n, 4), np.float32)
-        packed[0, :, :3], packed[0, :, 3] = origins, 0.0
+        packed[0, :, :3], packed[0, :, 3] = origins, times
         packed[1, :, :3], packed[1, :, 3] = directions, t_max
         segment = np.full(self.n, NO_SEGMENT) if from_segment is None else from_segment
         self.inputs = [
@@ -83,13 +86,16 @@ class Tracer:
         self.device = device
         self.memory = Memory(device)
         self.bvh = build_bvh(self.memory, curves, point_radii)
+        point_radii = self.bvh.point_radii
         self.geometry = self.bvh.arguments()
         self.mesh_bvh = None
         if corners is not None:
             self.mesh_bvh = build_triangle_bvh(self.memory, corners, point_radii)
             self.geometry = [*self.geometry, *self.mesh_bvh.arguments()]
         features = Features(
-            point_radii=point_radii, meshes=None if corners is None else MeshPart(normals=False)
+            point_radii=point_radii,
+            motion=self.bvh.motion,
+            meshes=None if corners is None else MeshPart(normals=False),
         )
         built = program.build(device, "tools/trace_rays.cl", features, ray_defines(device))
         self._closest = cl.Kernel(built, "trace_rays")

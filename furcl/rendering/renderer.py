@@ -21,6 +21,7 @@ from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
 from furcl.rendering.held import Held
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
+from furcl.rendering.shutter import shutter_words
 from furcl.rendering.specialise import summary
 from furcl.rendering.state import read_header
 from furcl.rendering.statistics import statistics
@@ -199,8 +200,17 @@ class Renderer:
                 f"{'lens' if another_lens else 'projection'} than the camera's; make another "
                 f"Renderer"
             )
+        moves = len(camera.places) - 1 != self.features.camera_motion
+        if moves or camera.shutter != self.scene.chosen_camera.shutter:
+            raise SceneError(
+                f"scene {self.scene.name!r}: its kernels and its grooms are made for another "
+                f"{'number of keys' if moves else 'shutter'} than the camera's; make another "
+                f"Renderer"
+            )
         self.scene = self.scene.seen_by(camera)
-        self.wavefront.camera = camera_struct(camera, self.scene.film)
+        self.wavefront.look(
+            camera_struct(camera, self.scene.film), shutter_words(camera, self.setup.times)
+        )
         self.restart(self.scene.render.seed)
 
     def _forget_counts(self) -> None:

@@ -31,6 +31,7 @@ from furcl.light.lights import Lights
 from furcl.rendering.arguments import Given
 from furcl.rendering.film import Film
 from furcl.rendering.learning import Learning
+from furcl.rendering.shutter import shutter_words
 from furcl.rendering.specialise import everything_on, scene_features
 from furcl.rendering.wave_size import WaveSize, choose_wave_size
 from furcl.rendering.wavefront import Wavefront
@@ -66,6 +67,7 @@ class Setup:
     learning : Learning or None     where something is learned while rendering
     seconds : dict              curves (from here on), bvh, tables, compile [s]; the first two pass
                                 while the next two do; learning [s] where there is some
+    times : floats              of the groom's time steps, if it moves
     n_negative : int            values of the light below zero, which were set to zero
     """
 
@@ -78,6 +80,7 @@ class Setup:
     learning: Learning | None
     wave_size: WaveSize
     n_segments: int
+    times: tuple[float, ...]
     n_negative: int
     seconds: dict[str, float]
 
@@ -129,7 +132,7 @@ def set_up(
             return (scene.build_grooms() if given is None else _given(scene, given)).traced()
 
     def point_radii(groom: Curves) -> bool:
-        return not (specialised and groom.one_radius)
+        return not (specialised and groom.one_radius) or groom.steps is not None
 
     def build_trees(grooms: Future[Grooms]) -> tuple[Bvh, TriangleBvh | None]:
         grown = grooms.result().curves
@@ -166,7 +169,9 @@ def set_up(
         grooms = taken.result()
         _name_unused(scene, grooms)
         grown = grooms.curves
-        features = features.with_(point_radii=point_radii(grown))
+        features = features.with_(
+            point_radii=point_radii(grown), motion=max(len(grown.times) - 1, 0)
+        )
         size = choose_wave_size(memory.device, features, wave_size)
         window = scene.film.window
         film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
@@ -199,27 +204,28 @@ def set_up(
         learning,
         size,
         built.n_segments,
+        grown.times,
         lights.n_negative,
         timed.seconds,
     )
 
 
 def _given(scene: Scene, curves: Curves | Grooms) -> Grooms:
-    """The grooms of a scene, where the caller has them.
+    """The grooms of a scene, where the caller has them, while the shutter is open.
 
     Raises
     ------
     GroomError      curves for a scene of several grooms
     """
     if isinstance(curves, Grooms):
-        return curves
+        return curves.during(scene.chosen_camera.shutter)
     names = list(scene.grooms())
     if len(names) > 1:
         raise GroomError(
             f"curves are given, and scene {scene.name!r} has {len(names)} grooms, "
             f"{', '.join(names)}; give what its build_grooms() returns, or leave curves out"
         )
-    return Grooms([Groom(names[0], curves)])
+    return Grooms([Groom(names[0], curves)]).during(scene.chosen_camera.shutter)
 
 
 def _name_unused(scene: Scene, grooms: Grooms) -> None:
@@ -303,6 +309,7 @@ def _wavefront(
         lit = sum(len(mesh.triangles) for mesh in meshes.lamps)
         first_lamp = lights.lamps.n_placed - lit if lights.lamps else 0
         shading = memory.upload("mesh shading", meshes.shading(features.meshes, first_lamp))
+    camera = scene.resolved_camera(curves, meshes)
     return Wavefront(
         memory,
         features,
@@ -310,7 +317,8 @@ def _wavefront(
         None if features.surface is None else (scene.body or ABSENT).params(),
         shading,
         buffer,
-        camera_struct(scene.resolved_camera(curves, meshes), scene.film),
+        camera_struct(camera, scene.film),
+        shutter_words(camera, curves.times),
         film,
         curves.n_points,
         size.paths,
@@ -324,7 +332,7 @@ def _surfaces(scene: Scene, features: Features) -> list[str]:
 
 
 def camera_struct(camera: Camera, film: FilmTable) -> np.ndarray:
-    """The struct Camera of a resolved camera."""
+    """The struct Camera of a resolved camera, of one that moves as the shutter opens."""
     origin, right, up, forward = camera.frame()
     height = camera.half_height
     out = np.zeros((), layout.struct_dtype("Camera"))

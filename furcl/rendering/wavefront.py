@@ -143,6 +143,7 @@ class Wavefront:
     shading : Buffer or None        of the meshes, where the features have some
     light : Buffer                  of furcl.device.index_checks.upload
     camera : struct Camera
+    shutter : (n,) float32          furcl.rendering.shutter.shutter_words
     n_vertices : int                of the groom, for the index checks
     n_slots : int                   paths that can be traced together, at least
 
@@ -162,6 +163,7 @@ class Wavefront:
         shading: cl.Buffer | None,
         light: cl.Buffer,
         camera: np.ndarray,
+        shutter: np.ndarray,
         film: Film,
         n_vertices: int,
         n_slots: int,
@@ -174,8 +176,9 @@ class Wavefront:
         self._shading = [] if features.meshes is None else [shading]
         self.light = light
         self._lamps = [light] if features.area_lamps else []
-        self.camera = camera
         self.film = film
+        self._shutter: list[cl.Buffer] = []
+        self.look(camera, shutter)
         n_slots = layout.whole_blocks(n_slots)
         self.n_slots = np.uint32(n_slots)
         self.events: dict[str, list[cl.Event]] = defaultdict(list)
@@ -206,6 +209,12 @@ class Wavefront:
         self._starts = [self.geometry[0]] if features.fibres > 1 else []
         self.mesh_geometry = [] if features.meshes is None else list(self.geometry)
         self._warm_up()
+
+    def look(self, camera: np.ndarray, shutter: np.ndarray) -> None:
+        """Set the struct Camera, and the words of the shutter where something moves."""
+        self.camera = camera
+        if self.features.motion or self.features.camera_motion:
+            self._shutter = [self.memory.upload("shutter", shutter)]
 
     def _programs(self) -> list[tuple[FibreStages | None, list[str], Features]]:
         """What is compiled together: the material that has it to itself, stages, features."""
@@ -301,7 +310,8 @@ class Wavefront:
 
     def _launch_generate(self, wave: np.ndarray, n: int) -> None:
         plan = [self.film.plan.plan] if self.film.plan else []
-        self._launch("generate", n, self.state, self.active, wave, self.camera, *plan)
+        camera = [self.camera, *plan, *self._shutter]
+        self._launch("generate", n, self.state, self.active, wave, *camera)
 
     def intersect_closest(self, wave: np.ndarray, active: int) -> None:
         """Find what every active path meets next: fills the hit and miss queues.
@@ -345,6 +355,7 @@ class Wavefront:
                 *self._shading,
                 *self._lamps,
                 *([self.film.plan.plan] if self.film.plan else []),
+                *(self._shutter if self.features.camera_motion else []),
             )
 
     def shade_escaped(self, wave: np.ndarray, active: int, depth: int) -> None:

@@ -10,13 +10,35 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-from furcl.table import Length, Table, Vec3
+from furcl.groom.motion import times_within
+from furcl.scene.motion import check_key_times
+from furcl.table import Coordinate, Length, Table, Vec3
 
 DEFAULT_AZIMUTH_DEG = 0.0
 DEFAULT_ELEVATION_DEG = 10.0
 DEFAULT_MARGIN = 0.05
 DEFAULT_VFOV_DEG = 30.0
 POINTS_AT_ONCE = 1 << 17
+
+
+class CameraKey(Table, frozen=True, kw_only=True):
+    """Where a camera is at a time.
+
+    Of a list, `[[camera.keys]]`, in the order of time. Between two keys origin, target and up go
+    straight: a camera that turns far wants a key every few degrees.
+
+    Attributes
+    ----------
+    time : float            in the unit of shutter
+    origin : (x, y, z)      where it is; the camera's own if left out [unit]
+    target : (x, y, z)      what it looks at; the camera's own if left out [unit]
+    up : (x, y, z)          any vector not along the view; the camera's own if left out
+    """
+
+    time: Coordinate
+    origin: Vec3 | None = None
+    target: Vec3 | None = None
+    up: Vec3 | None = None
 
 
 class Camera(Table, frozen=True, kw_only=True):
@@ -41,6 +63,9 @@ class Camera(Table, frozen=True, kw_only=True):
                                   out [deg]
     elevation_deg : float         of the camera over the horizon; 10 if left out [deg]
     margin : float                part of the half picture that stays free; 0.05 if left out
+    shutter : 2 numbers           when it opens and closes; what moves is blurred in between, every
+                                  time counting alike. Equal: no time passes
+    keys : list of tables         how it moves: places at times
     """
 
     origin: Vec3 | None = None
@@ -54,9 +79,17 @@ class Camera(Table, frozen=True, kw_only=True):
     azimuth_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] | None = None
     elevation_deg: Annotated[float, Meta(ge=-89.0, le=89.0)] | None = None
     margin: Annotated[float, Meta(ge=0.0, le=0.9)] | None = None
+    shutter: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    keys: tuple[CameraKey, ...] = ()
 
     def __post_init__(self) -> None:
-        if (self.origin is None) != (self.target is None):
+        if self.shutter[0] > self.shutter[1]:
+            raise ValueError(
+                f"shutter = {list(self.shutter)} closes before it opens; exchange the two times"
+            )
+        if self.keys:
+            self._check_keys()
+        if not self.keys and (self.origin is None) != (self.target is None):
             given, missing = ("origin", "target") if self.target is None else ("target", "origin")
             raise ValueError(
                 f"{given} is given without {missing}; give both, or neither for automatic framing"
@@ -78,6 +111,61 @@ class Camera(Table, frozen=True, kw_only=True):
                 raise ValueError(f"origin and target are the same point {self.origin}; move one")
         if _sine_between(view, self.up) < 1e-4:
             raise ValueError(f"up = {self.up} is zero or along the view; choose another direction")
+
+    def _check_keys(self) -> None:
+        times = [key.time for key in self.keys]
+        check_key_times(times)
+        opens, closes = self.shutter
+        if not times[0] <= opens <= closes <= times[-1]:
+            raise ValueError(
+                f"shutter = {list(self.shutter)}: keys say where the camera is from {times[0]:g} "
+                f"to {times[-1]:g}; open it within that time, or add keys"
+            )
+        for i, key in enumerate(self.keys):
+            for name in ("origin", "target"):
+                if getattr(key, name) is None and getattr(self, name) is None:
+                    raise ValueError(
+                        f"keys[{i}].{name} is missing, and the camera has none; give one of them"
+                    )
+            try:
+                self.at(key.time)
+            except ValueError as error:
+                raise ValueError(f"keys[{i}]: {error}") from None
+
+    def at(self, time: float) -> Camera:
+        """The camera as it keeps still at a time: without keys, the shutter open for no time."""
+        if not self.keys:
+            return msgspec.structs.replace(self, shutter=(time, time))
+        times = [key.time for key in self.keys]
+        i = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
+        part = (time - times[i]) / (times[i + 1] - times[i])
+
+        def between(name: str) -> Vec3:
+            a, b = (
+                np.asarray(getattr(key, name) or getattr(self, name), np.float64)
+                for key in self.keys[i : i + 2]
+            )
+            x, y, z = ((1.0 - part) * a + part * b).tolist()
+            return x, y, z
+
+        return msgspec.structs.replace(
+            self,
+            origin=between("origin"),
+            target=between("target"),
+            up=between("up"),
+            shutter=(time, time),
+            keys=(),
+        )
+
+    @property
+    def places(self) -> list[tuple[float, Camera]]:
+        """The camera at the times between which it goes straight while the shutter is open, each
+        as a part 0 .. 1 of that time; a single one if it keeps still."""
+        opens, closes = self.shutter
+        if not self.keys or opens == closes:
+            return [(0.0, self.at(opens))]
+        times = times_within([key.time for key in self.keys], self.shutter)
+        return [((time - opens) / (closes - opens), self.at(time)) for time in times]
 
     def _check_projection(self) -> None:
         if not self.orthographic and self.height is not None:
@@ -132,6 +220,9 @@ class Camera(Table, frozen=True, kw_only=True):
     def resolved(self, points: ArrayLike, aspect: float = 1.0, radius: float = 0.0) -> Camera:
         """This camera with origin, target and focus distance filled in.
 
+        One with keys is where it is when the shutter opens, and keeps them; where no focus distance
+        is given, its focus goes on following the target.
+
         Parameters
         ----------
         points : (n, 3)       what to frame; unused if the origin is given
@@ -147,6 +238,20 @@ class Camera(Table, frozen=True, kw_only=True):
         ------
         ValueError            if the points have no extent
         """
+        if self.keys:
+            keys = tuple(
+                CameraKey(
+                    time=key.time,
+                    origin=key.origin or self.origin,
+                    target=key.target or self.target,
+                    up=key.up or self.up,
+                )
+                for key in self.keys
+            )
+            still = self.at(self.shutter[0])
+            return msgspec.structs.replace(
+                self, origin=still.origin, target=still.target, up=still.up, keys=keys
+            )
         if self.origin is not None and self.target is not None:
             distance = float(np.linalg.norm(np.subtract(self.target, self.origin)))
             return msgspec.structs.replace(self, focus_distance=self.focus_distance or distance)

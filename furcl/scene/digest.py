@@ -35,7 +35,8 @@ def scene_digest(scene: Scene, curves: Curves | Grooms | None = None) -> str:
     del document["render"], document["name"], document["film"]["exposure_stops"]
     grooms = scene.build_grooms() if curves is None else Grooms.of(curves)
     whole = grooms.curves
-    arrays = [whole.points, whole.radii, whole.offsets]
+    arrays = [whole.points if whole.steps is None else whole.steps, whole.radii, whole.offsets]
+    arrays += [np.array(whole.times)] if whole.times else []
     arrays += [array for groom in grooms.grooms for array in groom.curves.attributes.values()]
     parts: list[object] = [np.ascontiguousarray(array).tobytes() for array in arrays]
     for keys, table in list(files_in(document)):

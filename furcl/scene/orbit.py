@@ -12,6 +12,7 @@ from furcl.groom.curves import Curves
 from furcl.scene.camera import Camera, outermost
 from furcl.scene.tables import Scene
 from furcl.surface.mesh.mesh import Meshes
+from furcl.table import Vec3
 
 
 def orbit(
@@ -19,9 +20,9 @@ def orbit(
 ) -> list[Camera]:
     """The scene's camera, turned by angles around the axis `up`.
 
-    The axis of a camera with an origin goes through its target. One that frames turns around the
-    middle of groom, body and meshes and is as far away as the angle needs that leaves the least
-    room, so that nothing grows or shrinks from one angle to the next.
+    The axis of a camera with an origin goes through its target; its keys are turned with it. One
+    that frames turns around the middle of groom, body and meshes and is as far away as the angle
+    needs that leaves the least room, so that nothing grows or shrinks from one angle to the next.
 
     Parameters
     ----------
@@ -35,9 +36,9 @@ def orbit(
     """
     camera = scene.chosen_camera
     turns = [rotation(camera.up, float(np.radians(angle))) for angle in angles_deg]
-    if camera.origin is not None and camera.target is not None:
+    if camera.keys or camera.origin is not None:
         resolved = scene.resolved_camera(curves, meshes)
-        pivot = np.asarray(camera.target)
+        pivot = np.asarray(resolved.target)
     else:
         points, radius = scene.points_to_frame(curves, meshes)
         pivot = 0.5 * (points.min(axis=0).astype(np.float64) + points.max(axis=0))
@@ -59,6 +60,18 @@ def _turned(camera: Camera, pivot: NDArray[np.float64], turn: NDArray[np.float64
     origin, target = (
         pivot + turn @ (np.asarray(place) - pivot) for place in (camera.origin, camera.target)
     )
-    return msgspec.structs.replace(
-        camera, origin=tuple(origin.tolist()), target=tuple(target.tolist())
+    keys = tuple(
+        msgspec.structs.replace(
+            key,
+            origin=_tuple(pivot + turn @ (np.asarray(key.origin) - pivot)),
+            target=_tuple(pivot + turn @ (np.asarray(key.target) - pivot)),
+            up=_tuple(turn @ np.asarray(key.up)),
+        )
+        for key in camera.keys
     )
+    return msgspec.structs.replace(camera, origin=_tuple(origin), target=_tuple(target), keys=keys)
+
+
+def _tuple(place: NDArray[np.float64]) -> Vec3:
+    x, y, z = place.tolist()
+    return x, y, z

@@ -374,20 +374,23 @@ class Scene(Table, frozen=True, kw_only=True):
         return [f"lamp.{name}" for name, table in placed for _ in table.records()]
 
     def build_grooms(self) -> Grooms:
-        """Read or grow the grooms and put them in their places.
+        """Read or grow the grooms and put them in their places, those that move with time steps
+        while the shutter of the chosen camera is open.
 
         Raises
         ------
-        GroomError      if a file cannot be used, or a generator refuses its parameters
+        GroomError      if a file cannot be used, a generator refuses its parameters, or the shutter
+                        is open at other times than a groom knows
         SceneError      a transform that radii cannot follow
         """
         numbers = {name: number for number, name in enumerate(self.materials())}
+        span = self.chosen_camera.shutter
         return Grooms(
             [
-                GroomCurves(name, table.build(name), numbers[self.material_name(name)])
+                GroomCurves(name, table.build(name, span), numbers[self.material_name(name)])
                 for name, table in self.grooms().items()
             ]
-        )
+        ).during(span)
 
     def build_curves(self) -> Curves:
         """The strands of all grooms, see `build_grooms`."""

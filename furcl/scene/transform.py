@@ -74,8 +74,7 @@ class Transform(Table, frozen=True, kw_only=True):
 
     def points(self, points: ArrayLike) -> Array:
         """Points (..., 3) in the scene."""
-        matrix = self.as_matrix()
-        return np.asarray(points, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+        return moved(points, self.as_matrix())
 
     def vectors(self, vectors: ArrayLike) -> Array:
         """Directions (..., 3) in the scene, as long as the scale makes them."""
@@ -103,6 +102,11 @@ class Transform(Table, frozen=True, kw_only=True):
                 f"need one scale for all"
             )
         return size
+
+
+def moved(points: ArrayLike, matrix: Array) -> Array:
+    """Points (..., 3) where a matrix (4, 4) takes them."""
+    return np.asarray(points, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _turn(angle: float, first: int, second: int) -> Array:

@@ -3,16 +3,19 @@
 
    Nodes of one height need nothing of each other, so the passes over nodes are launched once for each
    height: upwards to sum up, downwards to share out. Every result is a function of the tree below or of
-   the lanes above, so neither the order of work-items nor the numbering of nodes changes a bit. */
+   the lanes above, so neither the order of work-items nor the numbering of nodes changes a bit.
+
+   Of a groom that moves (FURCL_MOTION) the tree is that of a piece of time, the one from `step` to the next
+   step of the vertices. */
 #include "bvh/collapse.clh"
 #include "bvh/write_block.clh"
 
 /* The middle one of three vertices, by component: in the midst of most of them, whatever one of them is. */
 static inline float3 amid(uint n, __global const uint* segments, __global const StoredVertex* vertices)
 {
-    const float3 a = vertex_at(vertices, segments[n / 4]).xyz;
-    const float3 b = vertex_at(vertices, segments[n / 2]).xyz;
-    const float3 c = vertex_at(vertices, segments[n - 1 - n / 4]).xyz;
+    const float3 a = vertex_at_step(vertices, segments[n / 4], 0).xyz;
+    const float3 b = vertex_at_step(vertices, segments[n / 2], 0).xyz;
+    const float3 c = vertex_at_step(vertices, segments[n - 1 - n / 4], 0).xyz;
     return fmax(fmin(a, b), fmin(fmax(a, b), c));
 }
 
@@ -24,8 +27,15 @@ static inline float3 amid(uint n, __global const uint* segments, __global const 
    over     segments
    next     Embree's builder, then summarise */
 __kernel void bound_segments(const uint n, __global const uint* segments,
-                             __global const StoredVertex* vertices, __global float4* boxes)
+                             __global const StoredVertex* vertices, __global float4* boxes
+#if FURCL_MOTION
+                             , const uint step
+#endif
+                             )
 {
+#if FURCL_MOTION
+    vertices += step;
+#endif
     const uint i = get_global_id(0);
     if (i >= n) return;
     const uint v = segments[i];
@@ -44,8 +54,15 @@ __kernel void bound_segments(const uint n, __global const uint* segments,
 __kernel void summarise(
     const uint begin, const uint end, __global const uint* by_height, __global const int4* nodes,
     __global const uint* leaves, __global const StoredVertex* vertices, const float inverse_size,
-    __global Summary* summaries, __global float8* costs, __global uchar* choices)
+    __global Summary* summaries, __global float8* costs, __global uchar* choices
+#if FURCL_MOTION
+    , const uint step
+#endif
+    )
 {
+#if FURCL_MOTION
+    vertices += step;
+#endif
     const uint i = begin + get_global_id(0);
     if (i >= end) return;
     const uint node = by_height[i];
@@ -149,8 +166,15 @@ __kernel void place_blocks(
    next     rays */
 __kernel void fill_blocks(
     const uint n, const uint first_block, __global uint* blocks, __global const int4* nodes, __global const uint* leaves,
-    __global const Summary* summaries, __global const StoredVertex* vertices, const float inverse_size)
+    __global const Summary* summaries, __global const StoredVertex* vertices, const float inverse_size
+#if FURCL_MOTION
+    , const uint step
+#endif
+    )
 {
+#if FURCL_MOTION
+    vertices += step;
+#endif
     const uint i = get_global_id(0);
     if (i >= n) return;
     __global uint* block = blocks + (size_t)FURCL_BLOCK_WORDS * (first_block + i);
@@ -181,8 +205,14 @@ __kernel void fill_blocks(
     float box_area = 0.0f, capsule_area = 0.0f;
     bool all_fit = true;
     for (uint lane = 0; lane < n_segments; lane++) {
+#if FURCL_MOTION
+        const Box box = leaf_box(vertices, block[FURCL_BLOCK_REFERENCES + lane], near);
+        const uint leaf = (uint)~child[lane];
+        capsules[lane] = fit_capsule(vertices, leaves, leaf, leaf, near, largest_of(box.upper - box.lower));
+#else
         capsules[lane].a = vertex_at(vertices, block[FURCL_BLOCK_REFERENCES + lane]).xyz - near;
         capsules[lane].b = vertex_at(vertices, block[FURCL_BLOCK_REFERENCES + lane] + 1).xyz - near;
+#endif
     }
     for (uint lane = n_segments; lane < n_lanes; lane++) {
         const int4 node = nodes[child[lane]];
@@ -206,7 +236,8 @@ __kernel void fill_blocks(
     }
     for (uint word = 0; word < FURCL_BLOCK_LANES; word++) block[word] = 0;
     if (n_segments > 0 || (all_fit && capsule_area < box_area)) {
-        write_capsules(block, n_lanes, n_segments, near, capsules, vertices);
+        /* With a radius for either end where they are segments that keep still. */
+        write_capsules(block, n_lanes, FURCL_MOTION ? 0u : n_segments, near, capsules, vertices);
     } else {
         block[FURCL_BLOCK_LANES] |= FURCL_BLOCK_BOXES;
         write_boxes(block, n_lanes, near, lower, upper);

@@ -5,7 +5,8 @@
 
    Objects of cryptomatte are the grooms, the surface, the meshes and the lamps, in that order.
 
-   reads    state: ORIGIN, DIR, HIT_*; the groom, meshes, lamps, plan (with FURCL_PLANNED)
+   reads    state: ORIGIN, DIR, HIT_*; the groom, meshes, lamps, plan (with FURCL_PLANNED), shutter (with
+            FURCL_CAMERA_MOTION)
    writes   sums, nearest, ranks
    over     the pixels of the wave, as add_to_film
    next     shade_escaped */
@@ -13,6 +14,10 @@
 #include "geometry/frame.clh"
 #include "geometry/strand.clh"
 #include <layers>
+#if FURCL_CAMERA_MOTION
+#include "camera/shutter.clh"
+#include "core/path_numbers.clh"
+#endif
 #if FURCL_SURFACE
 #include <surface>
 #endif
@@ -86,8 +91,9 @@ static inline FirstHit first_hit(Paths paths, uint slot, const Groom* groom, con
     }
 #endif
     const uint segment = FURCL_SEGMENT(paths, hit.segment);
-    const float3 from = vertex_at(groom->vertices, segment).xyz;
-    const float3 along = vertex_at(groom->vertices, segment + 1u).xyz - from;
+    const float time = path_time(paths, slot);
+    const float3 from = vertex_at_time(groom->vertices, segment, time).xyz;
+    const float3 along = vertex_at_time(groom->vertices, segment + 1u, time).xyz - from;
     const FibreFrame frame = fibre_frame(along, -direction);
     hit.position = from + hit.u * along;
     hit.normal = frame.across;
@@ -122,6 +128,9 @@ __kernel void add_first_hits(
 #if FURCL_PLANNED
     , __global const uint* plan
 #endif
+#if FURCL_CAMERA_MOTION
+    , __global const float* shutter
+#endif
     )
 {
     const Paths paths = {state, wave.n_slots};
@@ -148,7 +157,14 @@ __kernel void add_first_hits(
         if (path_uint(paths, PS_HIT_SEGMENT, slot) == FURCL_NO_SEGMENT) continue;
         const FirstHit hit = first_hit(paths, slot, &groom, &others);
         const bool fibre = hit.segment < FURCL_TRIANGLE;
-        const float depth = dot(hit.position - camera.origin.xyz, camera.forward.xyz);
+#if FURCL_CAMERA_MOTION
+        const PixelSample p = pixel_of_slot(paths, &wave, slot);
+        const Camera seen_by =
+            moved_camera(&camera, shutter, path_numbers(&wave, p.index, p.sample, DIM_TIME).x);
+#else
+        const Camera seen_by = camera;
+#endif
+        const float depth = dot(hit.position - seen_by.origin.xyz, seen_by.forward.xyz);
         float values[FURCL_FIRST_HIT_SUMS];
         values[FURCL_SUM_HITS] = 1.0f;
 #if FURCL_SUM_FIBRE_HITS >= 0
@@ -167,7 +183,7 @@ __kernel void add_first_hits(
         put_vector(values + FURCL_SUM_TANGENT, hit.tangent);
 #endif
 #if FURCL_LAYER_STRAND_U
-        values[FURCL_SUM_STRAND_U] = fibre ? along_strand(&groom, hit.segment, hit.u) : 0.0f;
+        values[FURCL_SUM_STRAND_U] = fibre ? along_strand(&groom, hit.segment, hit.u, path_time(paths, slot)) : 0.0f;
 #endif
         add_to_sums(all_sums + (size_t)pixel * FURCL_FIRST_HIT_SUMS, values, FURCL_FIRST_HIT_SUMS);
 #if FURCL_STRAND_IDS

@@ -1,17 +1,23 @@
 /* Stage 1. Starts one path a slot: a camera ray for its pixel and sample.
 
-   reads    wave, camera; plan (with FURCL_PLANNED)
+   reads    wave, camera; plan (with FURCL_PLANNED), shutter (where something moves)
    writes   state: all planes of a new path; queue: the identity
    over     the wave's paths, FURCL_PATHS_PER_ITEM a work-item
    next     intersect_closest */
 #include "camera/camera.clh"
 #include "core/path_numbers.clh"
+#if FURCL_MOTION || FURCL_CAMERA_MOTION
+#include "camera/shutter.clh"
+#endif
 #include "core/queue_lanes.clh"
 
 __kernel void generate(
     __global float* state, __global uint* queue, const Wave wave, const Camera camera
 #if FURCL_PLANNED
     , __global const uint* plan
+#endif
+#if FURCL_MOTION || FURCL_CAMERA_MOTION
+    , __global const float* shutter
 #endif
     )
 {
@@ -32,6 +38,9 @@ __kernel void generate(
             set_uint_lane(&sample, k, of_lane[k].sample);
         }
         const Lanes4 xi = path_number_lanes(&wave, pixel, sample, DIM_FILM);
+#if FURCL_MOTION || FURCL_CAMERA_MOTION
+        const Lanes4 parts = path_number_lanes(&wave, pixel, sample, DIM_TIME);
+#endif
         const uint n = lanes_in_queue(first, wave.n_paths);
         for (uint k = 0; k < n; k++) {
             const uint slot = queue_entry(first + k);
@@ -39,7 +48,15 @@ __kernel void generate(
             set_path_uint(paths, PS_PIXEL, slot, of_lane[k].index);
             set_path_uint(paths, PS_SAMPLE, slot, of_lane[k].sample);
 #endif
+#if FURCL_MOTION
+            set_path_float(paths, PS_TIME, slot, groom_time(shutter, lane(&parts.x, k)));
+#endif
+#if FURCL_CAMERA_MOTION
+            const Camera moved = moved_camera(&camera, shutter, lane(&parts.x, k));
+            const CameraRay ray = camera_ray(&moved, &wave, of_lane[k], lane4(&xi, k));
+#else
             const CameraRay ray = camera_ray(&camera, &wave, of_lane[k], lane4(&xi, k));
+#endif
             set_path_float3(paths, PS_ORIGIN, slot, ray.origin);
             set_path_float3(paths, PS_DIR, slot, ray.direction);
             set_path_uint(paths, PS_FROM_SEGMENT, slot, FURCL_NO_SEGMENT);

@@ -71,12 +71,22 @@ static inline uint segment_left(Paths paths, uint slot)
     return from;
 }
 
+/* The search for fibres along the ray of a path in a direction. */
+static inline Query fibre_query(Paths paths, uint slot, uint direction_plane)
+{
+    Query query = {path_float3(paths, PS_ORIGIN, slot), path_float3(paths, direction_plane, slot),
+                   segment_left(paths, slot)};
+#if FURCL_MOTION
+    query.time = path_time(paths, slot);
+#endif
+    return query;
+}
+
 static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
-    *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_DIR, slot),
-                     segment_left(paths, slot)};
+    *query = fibre_query(paths, slot, PS_DIR);
     *hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT};
 #if FURCL_MESHES
     *hit = (Hit){path_float(paths, PS_HIT_T, slot), 0.0f, path_uint(paths, PS_HIT_SEGMENT, slot)};
@@ -181,8 +191,7 @@ static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, H
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
-    *query = (Query){path_float3(paths, PS_ORIGIN, slot), path_float3(paths, PS_SHADOW_DIR, slot),
-                     segment_left(paths, slot)};
+    *query = fibre_query(paths, slot, PS_SHADOW_DIR);
     *hit = (Hit){shadow_distance(paths, slot), 0.0f, FURCL_NO_SEGMENT};
 #if FURCL_MESHES
     hit->segment = path_uint(paths, PS_HIT_SEGMENT, slot);

@@ -16,7 +16,8 @@
 static inline float4 point_on_fibre(Paths paths, uint slot, __global const StoredVertex* vertices)
 {
     const uint segment = FURCL_SEGMENT(paths, path_uint(paths, PS_HIT_SEGMENT, slot));
-    return mix(vertex_at(vertices, segment), vertex_at(vertices, segment + 1),
+    const float time = path_time(paths, slot);
+    return mix(vertex_at_time(vertices, segment, time), vertex_at_time(vertices, segment + 1, time),
                path_float(paths, PS_HIT_U, slot));
 }
 

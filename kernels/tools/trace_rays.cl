@@ -1,6 +1,6 @@
 /* Rays in plain arrays, for benchmarks and tests.
 
-   A ray: origins (xyz, unused), directions (xyz, t_max), from_segment (segment or triangle).
+   A ray: origins (xyz, time in the groom's steps), directions (xyz, t_max), from_segment (segment or triangle).
    Both kernels are launched over rays, FURCL_RAYS_PER_ITEM a work-item. With FURCL_MESHES there are
    triangles beside the groom, as in stages/intersect.cl: they come first, and the search for fibres begins
    with what it found. */
@@ -23,6 +23,9 @@ static inline void load_array_ray(const ArrayRays* rays, uint i, Query* query, H
 {
     const float4 o = rays->origins[i], d = rays->directions[i];
     *query = (Query){o.xyz, d.xyz, rays->from_segment[i]};
+#if FURCL_MOTION
+    query->time = o.w;
+#endif
     *hit = (Hit){d.w, 0.0f, FURCL_NO_SEGMENT};
 #if FURCL_MESHES
     if (query->from_segment >= FURCL_TRIANGLE) query->from_segment = FURCL_NO_SEGMENT;

@@ -24,6 +24,7 @@ from furcl.groom.formats.ply import FORMAT as PLY
 from furcl.groom.formats.tressfx import FORMAT as TRESSFX
 from furcl.groom.formats.usd import FORMAT as USD
 from furcl.groom.formats.yuksel_hair import FORMAT as YUKSEL_HAIR
+from furcl.groom.motion import time_steps
 from furcl.values import is_number, is_whole, shown
 
 Reader = Callable[[Path, float | None], Curves]
@@ -142,7 +143,9 @@ def load_curves(
         check_regular(path)
         curves = form.read(path, Asked(default_radius, basis, points_per_strand))
         if isinstance(curves, Strands):
-            curves = flattened(curves, basis) if basis != "linear" else curves
+            if basis != "linear":
+                _refuse_motion(path, curves, basis)
+                curves = flattened(curves, basis)
             curves = curves.checked()
     except OSError as error:
         raise GroomError(
@@ -158,7 +161,7 @@ def load_curves(
     with np.errstate(over="ignore", under="ignore"):
         radii = curves.radii * np.float32(radius_scale)
     return adopted(
-        curves.points,
+        curves.points if curves.steps is None else curves.steps,
         radii,
         curves.offsets,
         source=f"{path} (radius_scale = {radius_scale:g})",
@@ -166,6 +169,7 @@ def load_curves(
         attributes=curves.attributes,
         ignored=curves.ignored,
         units=curves.units,
+        times=curves.times or None,
     )
 
 
@@ -191,6 +195,15 @@ def save_curves(curves: Curves, path: str | os.PathLike[str]) -> None:
             f"{path}: cannot be written: {error.strerror or error}. Check the folder, its rights "
             "and the space left."
         ) from error
+
+
+def _refuse_motion(path: Path, strands: Strands, basis: str) -> None:
+    """Refuse control points that move: their polylines would have other points at each time."""
+    if time_steps(strands.points, strands.offsets) is not None:
+        raise GroomError(
+            f"{path}: basis = {shown(basis)}: points of shape {np.shape(strands.points)} move, and "
+            f"only those of polylines are followed in time; write polylines and leave basis out."
+        )
 
 
 def _check_options(path, default_radius, radius_scale, basis, points_per_strand):

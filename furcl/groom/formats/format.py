@@ -46,6 +46,7 @@ class Strands:
     dropped: Mapping[str, int] = field(default_factory=dict)
     ignored: Sequence[str] = ()
     units: Units = NO_UNITS
+    times: ArrayLike | None = None
 
     def checked(self) -> Curves:
         """A groom of them; GroomError as `Curves.from_arrays`."""
@@ -58,6 +59,7 @@ class Strands:
             dropped=self.dropped,
             ignored=self.ignored,
             units=self.units,
+            times=self.times,
         )
 
 

@@ -32,10 +32,12 @@ def read_npz(path: Path, asked: Asked) -> Strands:
 
     points (N, 3); radii (N,) or a scalar, also under the name radius; offsets (S + 1,) or
     counts (S,), any integers. Or points (S, K, 3), S strands of K, with radii (S, K) or a scalar
-    and no offsets or counts. Numbers under other names are attributes where they have a value, or
-    three, for each point or strand (furcl.groom.attributes); other members are not read, and named
-    in `Curves.ignored`. The sizes of arrays that their headers claim are compared with the file and
-    with the memory before anything is allocated.
+    and no offsets or counts. Points of a groom that moves have an axis of time in front, (T, N, 3)
+    or (T, S, K, 3), and may have times (T,), else 0 to 1, evenly. Numbers under other names are
+    attributes where they have a value, or three, for each point or strand
+    (furcl.groom.attributes); other members are not read, and named in `Curves.ignored`. The sizes
+    of arrays that their headers claim are compared with the file and with the memory before
+    anything is allocated.
 
     Parameters
     ----------
@@ -80,13 +82,16 @@ def read_npz(path: Path, asked: Asked) -> Strands:
         _offsets(arrays, path),
         str(path),
         attributes,
+        times=arrays.get("times"),
         ignored=[name.removesuffix(".npy") for name in others if name not in fitting],
     )
 
 
 def write_npz(curves: Curves, file: BinaryIO, path: Path) -> None:
-    """Write points, radii, offsets and attributes to an open binary file."""
+    """Write points, radii, offsets, attributes and times to an open binary file."""
     arrays = {"points": curves.points, "radii": curves.radii, "offsets": curves.offsets}
+    if curves.steps is not None:
+        arrays |= {"points": curves.steps, "times": np.array(curves.times)}
     np.savez(file, allow_pickle=False, **arrays, **curves.attributes)
 
 
@@ -102,14 +107,15 @@ def _is_attribute(archive, member, arrays):
             shape, dtype, _ = _read_header(file)
     except Exception:  # of whatever it is, it is no array of numbers
         return False
-    grid = points.shape[:2] if points.ndim == 3 else None
     counts, offsets = arrays.get("counts"), arrays.get("offsets")
+    alone = counts is None and offsets is None
+    grid = points.shape[-3:-1] if points.ndim >= 3 and alone else None
     n_strands = (
         grid[0] if grid
         else len(np.atleast_1d(counts)) if counts is not None
         else max(np.size(offsets) - 1, 0)
     )  # fmt: skip
-    n_points = math.prod(grid) if grid else len(np.atleast_1d(points))
+    n_points = math.prod(grid) if grid else points.shape[-2] if points.ndim > 1 else points.size
     rows = value_rows(shape, n_strands, n_points, grid)
     return dtype.kind in "fiub" and rows is not None
 
@@ -193,19 +199,20 @@ def _radii(arrays, default_radius, path):
 
 def _offsets(arrays, path):
     points = arrays["points"]
-    if points.ndim == 3:
-        both = [name for name in ("offsets", "counts") if name in arrays]
-        if both:
-            n, per_strand, _ = points.shape
-            raise GroomError(
-                f"{path}: points of shape {points.shape} say themselves where strands begin, and "
-                f"there is {' and '.join(both)}. Leave that out, or give points as "
-                f"({n * per_strand}, 3)."
-            )
-        return None
-    if points.ndim != 2 or points.shape[1] != 3:
+    both = [name for name in ("offsets", "counts") if name in arrays]
+    if points.ndim == 4 and both:
+        n, per_strand = points.shape[1:3]
         raise GroomError(
-            f"{path}: points has shape {points.shape}; expected (N, 3), one row x y z per point."
+            f"{path}: points of shape {points.shape} say themselves where strands begin, and "
+            f"there is {' and '.join(both)}. Leave that out, or give points as "
+            f"({len(points)}, {n * per_strand}, 3)."
+        )
+    if points.ndim in (3, 4) and not both:
+        return None
+    if points.ndim not in (2, 3) or points.shape[-1] != 3:
+        raise GroomError(
+            f"{path}: points has shape {points.shape}; expected (N, 3), one row x y z per point, "
+            f"or (T, N, 3), at T times."
         )
     if "counts" not in arrays:
         if "offsets" not in arrays:
@@ -220,7 +227,7 @@ def _offsets(arrays, path):
             f"{path}: counts has shape {counts.shape} and type {counts.dtype}; expected a flat "
             "array of integers, the number of points of each strand."
         )
-    n_points = len(points)
+    n_points = points.shape[-2]
     if counts.size and not 0 <= int(counts.min()) <= int(counts.max()) <= n_points:
         raise GroomError(
             f"{path}: counts run from {counts.min()} to {counts.max()}; each must be between 2 and "

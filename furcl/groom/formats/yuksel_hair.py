@@ -119,6 +119,7 @@ def write_hair(curves: Curves, file: BinaryIO, path: Path) -> None:
             colours = np.repeat(colours, np.diff(curves.offsets), axis=0)
         colours.astype("<f4", copy=False).tofile(file)
     others = [name for name in curves.attributes if name != "colours"]
+    others += ["time steps after the first"] if curves.times else []
     if others:
         log.warning("%s: .hair has no place for %s; write .npz to keep it", path, ", ".join(others))
 
