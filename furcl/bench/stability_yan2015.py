@@ -66,7 +66,12 @@ class Yan2015Subject(Subject):
         moves."""
         kappa = float(rescaled(np.array(fibre.kappa), way))
         eta_m = float(rescaled(np.array(fibre.eta_m), way))
-        changes = ({"kappa": kappa}, {"eta_m": min(max(eta_m, 1.0001), 3.0)})
+        eta = float(rescaled(np.array(fibre.eta), way))
+        changes = (
+            {"kappa": kappa},
+            {"eta_m": min(max(eta_m, 1.0001), 3.0)},
+            {"eta": min(max(eta, 1.0001), 3.0)},
+        )
         return [dataclasses.replace(fibre, **change) for change in changes]
 
     def prepared(self, features: Yan2015Features) -> MedullaProfiles:
