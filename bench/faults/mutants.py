@@ -523,24 +523,16 @@ def _read_apart(kind: str, first: int, end: int, folder: str) -> Ended:
     return run(module, environment(), timeout_s=1e5, preexec_fn=_limit_seconds)
 
 
-@cache
-def _few_of_every_kind() -> Ended:
-    """By one process, which takes as long to start as to read them."""
-    with tempfile.TemporaryDirectory() as folder:
-        return _read_apart(EVERY, 0, QUICK, folder)
-
-
 def _case(kind: str, folder: Path, quick: bool) -> str:
     """Nothing but the last line is written, and no more memory taken than a process takes."""
-    if quick:
-        ended, n_lines = _few_of_every_kind(), len(KINDS)
-    else:
-        first, end = (round(FULL[kind] * share) for share in PART)
-        ended, n_lines = _read_apart(kind, first, end, str(folder)), 1
+    first, end = (0, QUICK) if quick else (round(FULL[kind] * share) for share in PART)
+    if quick and kind.startswith(("exr", "reference")):
+        end //= 4
+    ended = _read_apart(kind, first, end, str(folder))
     lines = ended.out.strip().splitlines()
     assert not ended.err, f"something was written: {ended.err[-200:]}"
-    assert len(lines) == n_lines, f"code {ended.code}, and not {n_lines} lines: {lines[-1:]}"
-    said = lines[list(KINDS).index(kind) if quick else 0]
+    assert len(lines) == 1, f"code {ended.code}, and not one line: {lines[-1:]}"
+    said = lines[0]
     assert said.endswith("refused"), said
     # What is decoded is small; a header may claim 4 times as much as its file can hold.
     assert ended.peak_bytes <= PEAK_BYTES, f"{ended.peak_bytes / 1e6:.0f} MB: {said}"
