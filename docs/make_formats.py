@@ -25,8 +25,7 @@ writes it in another one, `furcl render FILE -o out.exr` makes a picture.
   than {TOLERANCE}.
 * What is written and read again has the same bits, where the format has a place for it; what has
   none is named in the log.
-* Text is read block by block, and arrays go from the file into the groom: reading takes at most
-  four times the file, or 16 bytes a point of the groom and 4 a value.
+* Text is read block by block, and arrays go from the file into the groom.
 * Whatever cannot be read is refused with the file, the place and a remedy.
 """
 

@@ -390,13 +390,13 @@ def test_mean_weight_is_the_albedo(device, fibre, sampling):
 
 
 def test_offsets_by_attenuation_make_weights_even(device):
-    """Standard deviation of the weight over its mean, of dark hair: measured 0.36 with h uniform,
-    0.22 with h by the attenuation."""
+    """Standard deviation of the weight over its mean, of dark hair: measured 0.667 with h uniform,
+    0.190 with h by the attenuation."""
     fibre, spread = MarschnerFibre(sigma_a=(1.2, 1.2, 1.2)), {}
     for sampling in DIRECTION_SAMPLERS:
         weight = Probe(fibre, sampling, device).sample(WO, n=100_000, seed=1)[3][:, 0]
         spread[sampling] = weight.std() / weight.mean()
-    assert spread["full-cdf"] < 0.8 * spread["uniform-h"]
+    assert spread["full-cdf"] < 0.5 * spread["uniform-h"]
 
 
 def far_field(fibre, wo, wi, profiles):
