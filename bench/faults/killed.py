@@ -130,7 +130,8 @@ def _caches_removed(name: str, folder: Path, quick: bool) -> str:
         env = environment(**{n: str(path) for n, path in caches.items()})
         if n % 2:
             told(furcl("devices", env=env), 0)
-        child = start([*FURCL, *SMALL, "-o", str(folder / f"{n}.exr")], env)
+        # Without its cache PoCL has been seen to write bitcode where it runs, under any name.
+        child = start([*FURCL, *SMALL, "-o", str(folder / f"{n}.exr")], env, cwd=folder)
         while child.poll() is None:
             time.sleep(0.05 + 0.1 * n)
             shutil.rmtree(caches[name], ignore_errors=True)
