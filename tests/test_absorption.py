@@ -484,7 +484,7 @@ def test_arrays_without_a_use_are_named_once(tmp_path, device, curves, caplog):
         }
     )
     assert of_scene(scene)["unused arrays"] == "shade, age"
-    assert of_groom(tmp_path / "fur.npz")["arrays"].startswith(
+    assert of_groom(tmp_path / "fur.npz", curves)["arrays"].startswith(
         "tint (of strands, 3 numbers), shade"
     )
     caplog.set_level("INFO")

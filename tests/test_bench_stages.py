@@ -91,7 +91,7 @@ class FakeRenderer:
 def test_shares_and_rates_by_hand(monkeypatch):
     clock = iter([100.0, 104.0])
     monkeypatch.setattr(stages, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
-    found = stages._round(cast(Any, FakeRenderer()), 2)
+    found = stages.timed_round(cast(Any, FakeRenderer()), 2)
     rows = {row["stage"]: row for row in found["stages"]}
     assert (found["paths"], found["rays"], found["closest_rays"]) == (2e6, 1e7, 6e6)
     assert {name: (row["launches"], row["ms"]) for name, row in rows.items()} == {

@@ -138,6 +138,7 @@ def mean_of_stills(device):
             device, scene, STILL_SAMPLES, f"camera.shutter=[{time},{time}]", f"render.seed={i + 1}"
         )
         mean = mean + image.rgb.astype(np.float64) / N_STILLS
+        assert image.variance is not None
         variance = variance + image.variance.astype(np.float64) / N_STILLS**2
     return mean, variance
 

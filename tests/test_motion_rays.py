@@ -105,6 +105,7 @@ def test_memory_is_that_of_the_steps_and_a_tree_for_each_piece(device, rng):
     assert (tree.motion, tree.vertices.size) == (2, 3 * 16 * curves.n_points)
     read = tree.read()
     assert read.vertices.shape == (curves.n_points, 3, 4)
+    assert curves.steps is not None
     for step in range(3):
         assert np.array_equal(read.vertices[:, step, :3], curves.steps[step])
     roots = read.blocks[0, :2]

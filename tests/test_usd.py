@@ -128,7 +128,7 @@ def test_several_prims(here, tmp_path):
     assert curves.n_strands == 6
     np.testing.assert_allclose(curves.points[:20], 2 * WALK + [1, 2, 3], rtol=1e-6)
     np.testing.assert_allclose(curves.radii[[0, 10, 20]], [0.2, 0.4, 0.1], rtol=1e-6)
-    grey = list(np.float32(usd_stage.FALLBACK_COLOUR))
+    grey = np.array(usd_stage.FALLBACK_COLOUR, np.float32).tolist()
     assert curves.colours is not None
     np.testing.assert_array_equal(curves.colours[::2], [[1, 0, 0], [0, 0.5, 0], grey])
     assert dict(curves.dropped) == {

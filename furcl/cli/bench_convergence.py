@@ -106,8 +106,8 @@ def convergence(
                 scene["name"],
                 ", ".join(scene["unresolved"]),
             )
-    for (scene, variant), said in departures(results).items():
-        text = f"{scene}: {variant} makes another picture: {'; '.join(said)}"
+    for (name, rendered), said in departures(results).items():
+        text = f"{name}: {rendered} makes another picture: {'; '.join(said)}"
         typer.secho(text, fg=typer.colors.RED, err=True)
     log.info("wrote %s, results.json and results.csv", page)
     if not results["complete"]:

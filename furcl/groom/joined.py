@@ -79,10 +79,9 @@ class Grooms:
         begins = self.first_points
         offsets = [c.offsets[1:] + begin for c, begin in zip(curves, begins, strict=True)]
         times = self.times
-        if times:
-            steps = [np.concatenate([points_at(c, time) for c in curves]) for time in times]
+        steps = [np.concatenate([points_at(c, time) for c in curves]) for time in times]
         return Curves.from_checked(
-            np.stack(steps) if times else np.concatenate([c.points for c in curves]),
+            np.stack(steps) if steps else np.concatenate([c.points for c in curves]),
             np.concatenate([c.radii for c in curves]),
             np.concatenate([[0], *offsets]).astype(np.int64),
             dropped,

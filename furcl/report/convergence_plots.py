@@ -28,7 +28,7 @@ STYLES = (
     ("#56B4E9", "P"),
 )
 #: Fonts of PDF as TrueType (42), which publishers ask for, and letters of SVG as text.
-FOR_PRINT = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none"}
+FOR_PRINT: dict[Any, Any] = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none"}
 GROUP_WIDTH = 0.8  # of a number of samples, whose distance is 1
 LOG_BELOW = 0.5  # ratios are on a logarithmic axis where one is smaller
 LINES = ("-", "--", ":", "-.")

@@ -113,7 +113,8 @@ def _is_attribute(archive, member, arrays):
     n_strands = (
         grid[0] if grid
         else len(np.atleast_1d(counts)) if counts is not None
-        else max(np.size(offsets) - 1, 0)
+        else max(np.size(offsets) - 1, 0) if offsets is not None
+        else 0
     )  # fmt: skip
     n_points = math.prod(grid) if grid else points.shape[-2] if points.ndim > 1 else points.size
     rows = value_rows(shape, n_strands, n_points, grid)

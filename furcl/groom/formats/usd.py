@@ -16,9 +16,9 @@ import numpy as np
 from furcl.errors import GroomError
 from furcl.groom.attributes import RESERVED
 from furcl.groom.curves import ADVICE, Curves
-from furcl.groom.flatten import Spans, places
+from furcl.groom.flatten import Places, Spans, places
 from furcl.groom.formats.format import Asked, Format, Strands
-from furcl.groom.formats.usd_stage import FALLBACK_COLOUR
+from furcl.groom.formats.usd_stage import FALLBACK_COLOUR, pxr
 from furcl.groom.units import Units
 from furcl.paths import module_environment, python_command
 from furcl.values import shown
@@ -58,7 +58,7 @@ def read_usd(path: Path, asked: Asked) -> Strands:
             "Blender, with hair and its curves switched on."
         )
     parts = [_prim(prim, number, arrays, asked, path) for number, prim in enumerate(said["prims"])]
-    counts = np.concatenate([np.diff(part.offsets) for part in parts])
+    counts = np.concatenate([np.diff(_offsets(part)) for part in parts])
     attributes, ignored = _values(parts)
     return Strands(
         np.concatenate([part.points for part in parts]),
@@ -82,8 +82,7 @@ def write_usd(curves: Curves, file: BinaryIO, path: Path) -> None:
     _require()
     if curves.units.up_axis == "x":
         raise GroomError(f"{path}: USD has y or z up, and the groom says x; turn it (--up x).")
-    from pxr import Sdf, Usd, UsdGeom, Vt
-
+    Sdf, Usd, UsdGeom, Vt = (pxr(name) for name in ("Sdf", "Usd", "UsdGeom", "Vt"))
     layer = Sdf.Layer.CreateAnonymous(".usda" if path.suffix.lower() == ".usda" else ".usdc")
     stage = Usd.Stage.Open(layer)
     UsdGeom.SetStageUpAxis(stage, (curves.units.up_axis or "z").upper())
@@ -186,7 +185,8 @@ class _Expander:
     def __init__(self, prim, points, counts, path) -> None:
         self._where = f"{path}: {prim['path']}"
         offsets = np.concatenate([[0], np.cumsum(counts)])
-        self.spans, self.places = None, None
+        self.spans: Spans | None = None
+        self.places: Places | None = None
         self.offsets, self.points = offsets, points
         self.sizes = {"constant": 1, "uniform": len(counts)}
         self.sizes |= {"vertex": len(points), "varying": len(points)}
@@ -266,9 +266,9 @@ def _prim(prim, number, arrays, asked: Asked, path: Path) -> Strands:
             curve_radii = np.repeat(each[of.spans.strand][:, None], 4, axis=1)
         else:
             curve_radii = of.bezier(radii, kind)
-        of.places = places(of.spans, bezier, curve_radii)
-        of.offsets = of.places.offsets
-        found, at = of.places.of(bezier), np.maximum(of.places.of(curve_radii), 0.0)
+        at_places = of.places = places(of.spans, bezier, curve_radii)
+        of.offsets = at_places.offsets
+        found, at = at_places.of(bezier), np.maximum(at_places.of(curve_radii), 0.0)
     if prim["ribbons"]:
         log.warning("%s: ribbons with normals are taken as fibres of that width", where)
     values = {}
@@ -295,6 +295,12 @@ def _prim(prim, number, arrays, asked: Asked, path: Path) -> Strands:
     return Strands(found, at, of.offsets, where, values)
 
 
+def _offsets(part: Strands) -> np.ndarray:
+    """Offsets of strands, which every prim has."""
+    assert part.offsets is not None
+    return part.offsets
+
+
 def _values(parts: list[Strands]):
     """Values of all prims together; names of those that some lack, but for colours."""
     names = dict.fromkeys(name for part in parts for name in part.attributes)
@@ -303,17 +309,19 @@ def _values(parts: list[Strands]):
         public = "colours" if name == "displayColor" else name
         if name == "displayColor":
             for part in parts:
-                grey = np.broadcast_to(np.float32(FALLBACK_COLOUR), (len(part.offsets) - 1, 3))
+                grey = np.broadcast_to(
+                    np.array(FALLBACK_COLOUR, np.float32), (len(_offsets(part)) - 1, 3)
+                )
                 part.attributes = {"displayColor": grey, **part.attributes}
         arrays = [np.asarray(part.attributes[name]) for part in parts if name in part.attributes]
         fits = len(arrays) == len(parts) and len({a.shape[1:] for a in arrays}) == 1
         if not fits or public in RESERVED or (public == "colours" and arrays[0].ndim != 2):
             ignored.append(name)
             continue
-        of_strands = [len(a) == len(p.offsets) - 1 for a, p in zip(arrays, parts, strict=True)]
+        of_strands = [len(a) == len(_offsets(p)) - 1 for a, p in zip(arrays, parts, strict=True)]
         if not all(of_strands):
             arrays = [
-                np.repeat(a, np.diff(p.offsets), axis=0) if strands else a
+                np.repeat(a, np.diff(_offsets(p)), axis=0) if strands else a
                 for a, p, strands in zip(arrays, parts, of_strands, strict=True)
             ]
         found[public] = np.concatenate(arrays)

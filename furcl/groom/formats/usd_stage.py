@@ -10,6 +10,7 @@ import json
 import os
 import resource
 import sys
+from importlib import import_module
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -28,6 +29,11 @@ COLOUR_INPUTS = (
 FALLBACK_COLOUR = (0.18, 0.18, 0.18)
 
 
+def pxr(module: str) -> Any:
+    """A module of usd-core, of which type checkers know nothing."""
+    return import_module(f"pxr.{module}")
+
+
 def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """What is said of the stage and its curves, and their arrays by number and name.
 
@@ -37,8 +43,7 @@ def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     ------
     Exception       whatever usd-core raises of a damaged file
     """
-    from pxr import Usd, UsdGeom
-
+    Usd, UsdGeom = pxr("Usd"), pxr("UsdGeom")
     stage = Usd.Stage.Open(path)
     time = Usd.TimeCode.EarliestTime()
     transforms = UsdGeom.XformCache(time)
@@ -77,7 +82,7 @@ def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def _curves(prim, time, matrix, number, arrays) -> dict[str, Any]:
-    from pxr import UsdGeom
+    UsdGeom = pxr("UsdGeom")
 
     curves = UsdGeom.BasisCurves(prim)
 
@@ -124,7 +129,7 @@ def _curves(prim, time, matrix, number, arrays) -> dict[str, Any]:
 
 def _material_colour(prim, time) -> list[float] | None:
     """The colour that the surface shader of the bound material says, if it is one number each."""
-    from pxr import UsdShade
+    UsdShade = pxr("UsdShade")
 
     material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
     if not material:
@@ -154,7 +159,8 @@ def write_result(path: str, file: BinaryIO) -> None:
 def main(request: str) -> int:
     """Read what a request of furcl.groom.formats.usd names."""
     path, file, n_bytes, seconds = json.loads(request)
-    from pxr import Usd, UsdGeom, UsdShade  # noqa: F401  # before its memory is limited
+    for name in ("Usd", "UsdGeom", "UsdShade"):
+        pxr(name)  # before its memory is limited
 
     limit_memory(n_bytes)
     used = resource.getrusage(resource.RUSAGE_SELF)
