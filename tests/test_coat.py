@@ -295,7 +295,7 @@ def test_light_samples_of_a_coat_change_no_mean(device, tmp_path):
     2e-5)."""
     environment = {"kind": "sky", "sun_radius_deg": 20.0}
     coat = {"roughness": 0.3, "eta": 1.6}
-    scene = alone(ball(tmp_path, 0.6, 6), environment, 12, 512, albedo=[0.8, 0.4, 0.1], coat=coat)
+    scene = alone(ball(tmp_path, 0.6, 6), environment, 12, 2048, albedo=[0.8, 0.4, 0.1], coat=coat)
     sampled, found = (
         furcl.render(with_overrides(scene, [f"render.light_sampling={word}"]), device=device)
         for word in ("mis", "bcsdf")
