@@ -172,7 +172,8 @@ def _run(device: Device, lights: Lights, kernel: str, inputs, widths):
     """Outputs (n, width) or (n,) of a kernel of this file over rows of values."""
     features = Features(light=lights.environment_part, lamps=lights.lamps_part, light_sampling=True)
     text = expand("light/lights.clh", features) + KERNELS
-    text = layout.declarations(text, features) + text
+    lanes = {"FURCL_LANES": 1, "FURCL_PATHS_PER_ITEM": 1}
+    text = layout.declarations(text, features, lanes) + text
     n = len(inputs[-1])
     arrays = [lights.device_buffer(True, MIDDLE)]
     for values in inputs:

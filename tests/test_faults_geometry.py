@@ -41,11 +41,11 @@ MUTANTS = {
     ),
     "the whole strand is left": (
         "light leaks through a strand beside itself",
-        (CURVE, "meets_ball(query, vertex_at(groom->vertices, last + 1u)) && ", ""),
+        (CURVE, "meets_ball(query, vertex_at_time(groom->vertices, last + 1u, time)) && ", ""),
     ),
     "the way along the strand does not end": (
         "a long strand costs by its points",
-        (CURVE, "meets_ball(query, vertex_at(groom->vertices, last + 1u)) && ", ""),
+        (CURVE, "meets_ball(query, vertex_at_time(groom->vertices, last + 1u, time)) && ", ""),
     ),
 }  # fmt: skip
 

@@ -234,8 +234,8 @@ def test_layers_of_first_hits_are_the_hosts(device, monkeypatch, body, lens):
 
 
 MUTANTS = {
-    "depth": (r"dot\(hit\.position - camera\.origin\.xyz, camera\.forward\.xyz\)",
-              "distance(hit.position, camera.origin.xyz)"),
+    "depth": (r"dot\(hit\.position - seen_by\.origin\.xyz, seen_by\.forward\.xyz\)",
+              "distance(hit.position, seen_by.origin.xyz)"),
     "position": (r"hit\.position = from \+ hit\.u \* along", "hit.position = from + 0.5f * along"),
     "normal": (r"hit\.normal = frame\.across", "hit.normal = frame.side"),
     "tangent": (r"fibre \? 1\.0f : 0\.0f", "1.0f"),

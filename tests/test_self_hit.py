@@ -159,7 +159,7 @@ MUTANTS = {
         ["straight", "kinks as short as thick"],
     ),
     "the whole strand is left": (
-        "meets_ball(query, vertex_at(groom->vertices, last + 1u)) && ", "",
+        "meets_ball(query, vertex_at_time(groom->vertices, last + 1u, time)) && ", "",
         ["curls", "a return beside itself"],
     ),
 }  # fmt: skip
