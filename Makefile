@@ -11,12 +11,12 @@ DEBUG_SCENES := red_fox extreme/bright_pixel
 demo: $(VENV)/.device
 	$(BIN)/furcl render scenes/black_hair.toml -o out/black_hair.exr $(DEMO)
 
-# All tests but the slow ones, or the slow ones. Pass pytest's options by ARGS="-k device -x".
+# All tests but the slow ones, or the slow ones, on all cores. Pass pytest's options by ARGS="-k device -x -n 0".
 test: $(VENV)/.device
-	$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile $(ARGS)
 
 test-slow: $(VENV)/.device
-	$(BIN)/python -m pytest -m slow $(ARGS)
+	$(BIN)/python -m pytest -m slow -n auto --dist loadfile $(ARGS)
 
 # Small renders with kernels that check their indices; an index outside its buffer is an error.
 debug-render: $(VENV)/.device
