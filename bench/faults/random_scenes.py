@@ -31,7 +31,7 @@ _SMALL = {
     "width": (4, 16), "height": (4, 16), "spp": (1, 4), "n_strands": (1, 400), "count": (1, 400),
     "n_points": (2, 24), "n_clumps": (0, 30),
 }  # fmt: skip
-_ALWAYS = {*_SMALL, "sigma_ca"}
+_ALWAYS = {*_SMALL, "sigma_ca", "sigma_a"}
 _LEFT_OUT = {"name", "file", "origin", "preset", "melanin", "colour", "reflectance", "sampling"}
 _CHANCE = 0.5
 
@@ -110,6 +110,9 @@ def document(number: int) -> dict[str, Any]:
     found["camera"].pop("target", None)
     orthographic = found["camera"].get("projection") == "orthographic"
     found["camera"].pop("vfov_deg" if orthographic else "height", None)
+    found["camera"].pop("keys", None)  # a list of tables
+    if "shutter" in found["camera"]:
+        found["camera"]["shutter"].sort()
     # Crops within the picture, and layers of the list, have no range of numbers to draw from.
     found["film"].pop("crop", None)
     found["film"].pop("camera", None)

@@ -235,6 +235,12 @@ def _offsets(arrays, path):
             f"the number of points, {n_points}. Repair the export."
         )
     offsets = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    if offsets[-1] != n_points and points.ndim == 3 and offsets[-1] == points.size // 3:
+        raise GroomError(
+            f"{path}: counts make {offsets[-1]} points, and points of shape {points.shape} beside "
+            f"counts are {len(points)} time steps of {n_points}. If these are strands, they say "
+            f"themselves where strands begin: leave counts out, or give points as (N, 3)."
+        )
     if offsets[-1] != n_points:
         raise GroomError(
             f"{path}: the counts do not add up: they make {offsets[-1]} points, 'points' has "
