@@ -110,6 +110,8 @@ def document(number: int) -> dict[str, Any]:
     found["camera"].pop("target", None)
     orthographic = found["camera"].get("projection") == "orthographic"
     found["camera"].pop("vfov_deg" if orthographic else "height", None)
+    if "height" in found["camera"]:
+        found["camera"].pop("margin", None)
     found["camera"].pop("keys", None)  # a list of tables
     if "shutter" in found["camera"]:
         found["camera"]["shutter"].sort()
@@ -128,6 +130,8 @@ def document(number: int) -> dict[str, Any]:
         tables = {k: t for k, t in kinds.tables().items() if k not in NEED_FILES}
         if name in ("fibre", "environment", "curves") or (name == "body" and rng.random() < 0.3):
             found[name] = _table(tables[list(tables)[rng.integers(len(tables))]], rng)
+    if found["curves"]["generator"] == "hair":
+        found["curves"].pop("n_points", None)  # follows from its waves
     return found
 
 
