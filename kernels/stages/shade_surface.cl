@@ -1,5 +1,6 @@
 /* Stage 4 of surfaces. The next ray and the light sample of paths that met a surface or a mesh. */
 #include "core/continue_path.clh"
+#include "core/path_numbers.clh"
 #include "surface/diffuse.clh"
 #if FURCL_SURFACE
 #include <surface>
