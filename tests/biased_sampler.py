@@ -13,9 +13,11 @@ from furcl.fibre import samplers
 def biased_sampler(folder: Path, factor: float) -> Iterator[str]:
     """The name of `uniform-h` with a density that is reported `factor` times as large as it is."""
     text = samplers.find("uniform-h").text()
-    assert text.count("r.joint = joint[p];") == 1
+    right = "return sample_lobe_at(fibre, in, 2.0f * xi.z - 1.0f, xi.y);"
+    assert text.count(right) == 1
+    wrong = f"LobeAndOffset r = {right.removeprefix('return ')} r.joint *= {factor}f; return r;"
     header = folder / "wrong.clh"
-    header.write_text(text.replace("r.joint = joint[p];", f"r.joint = {factor}f * joint[p];"))
+    header.write_text(text.replace(right, wrong))
     samplers.register("wrong", header, needs_tables=False)
     try:
         yield "wrong"
