@@ -112,6 +112,7 @@ def render(
     check_frames(frames, orbit, output, stats, keeps)
     if frames is not None and samples is not None:
         raise typer.BadParameter("--frames and --samples: an animation is rendered as it is")
+    wanted = sample_range(samples)
     shared = Shared.of(device, dask, part_spp)
     if shared:
         shared.check(
@@ -168,7 +169,7 @@ def render(
                         loaded,
                         spp=spp,
                         device=device,
-                        samples=sample_range(samples),
+                        samples=wanted,
                         target_rmse=target_rmse,
                         target_relmse=target_relmse,
                         checkpoint=outputs.checkpoint,
@@ -177,7 +178,7 @@ def render(
                         **common,
                     )
         outputs.write(image)
-    first, end = sample_range(samples) or (0, loaded.render.spp)
+    first, end = wanted or (0, loaded.render.spp)
     tell_what_was_reached(image.stats, end - first)
     if interrupt.requested:
         raise interrupt.exit()

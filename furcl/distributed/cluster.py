@@ -8,7 +8,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Mapping
-from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from furcl.distributed.parts import Merging, Part, parts_of, render_part
 from furcl.errors import DeviceError
 from furcl.groom.joined import Grooms
 from furcl.image.image import Image
-from furcl.rendering.arguments import Given, check_curves, check_stops
+from furcl.rendering.arguments import Given, check_curves, check_stops, grooms_of
 from furcl.rendering.renderer import Progress, Renderer
 from furcl.scene.read import decode_scene, load_scene, with_overrides
 from furcl.scene.schema import files_in
@@ -163,8 +162,7 @@ def render(
                 )  # fmt: skip
         except (OSError, ValueError) as error:
             raise DeviceError(f"--dask {client}: no scheduler answers there: {error}") from None
-    given = curves.result() if isinstance(curves, Future) else curves
-    grooms = scene.build_grooms() if given is None else Grooms.of(given)
+    grooms = grooms_of(scene, curves)
     job = Job.of(with_overrides(scene, spp=parts[0].spp), grooms, wave_size, device)
     start = time.perf_counter()
     sent = client.scatter(job, broadcast=True, hash=False)

@@ -8,14 +8,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from concurrent.futures import Future
 
 from furcl.device.choice import Device, open_devices
 from furcl.distributed.parts import Merging, Part, parts_of, render_part
 from furcl.errors import DeviceError
 from furcl.groom.joined import Grooms
 from furcl.image.image import Image
-from furcl.rendering.arguments import Given, check_curves, check_stops
+from furcl.rendering.arguments import Given, check_curves, check_stops, grooms_of
 from furcl.rendering.renderer import Progress, Renderer
 from furcl.scene.read import load_scene, with_overrides
 from furcl.scene.tables import Scene
@@ -65,8 +64,7 @@ def render_on(
     scene = with_overrides(scene, spp=spp, seed=seed)
     parts = parts_of(scene, part_spp)
     opened = open_devices(devices)
-    given = curves.result() if isinstance(curves, Future) else curves
-    grooms = scene.build_grooms() if given is None else Grooms.of(given)
+    grooms = grooms_of(scene, curves)
     n_pixels = scene.film.width * scene.film.height
     work = _Work(parts, [d.name for d in opened], n_pixels, progress, time_limit)
     of_part = with_overrides(scene, spp=parts[0].spp)

@@ -89,22 +89,12 @@ def render_part(renderer: Renderer, part: Part, progress: Progress | None = None
 
 
 class Merging:
-    """The picture of the parts that are there.
-
-    Attributes
-    ----------
-    n_parts : int       parts so far
-    """
+    """The picture of the parts that are there."""
 
     def __init__(self) -> None:
         self._tree = MergeTree()
         self._of_parts: dict[int, dict[str, Any]] = {}
         self._like: Image | None = None
-
-    @property
-    def n_parts(self) -> int:
-        """Parts so far."""
-        return len(self._of_parts)
 
     def add(self, part: Part, image: Image) -> None:
         """Add a part.

@@ -134,48 +134,26 @@ class Curves:
         """The groom as rays meet it; itself, where that is the same.
 
         Points nearer to the one before than 1/32 of the radius (furcl.groom.close_points) and
-        copies of earlier strands (furcl.groom.copies) are left out and counted in `dropped`.
+        copies of earlier strands (furcl.groom.copies) are left out and counted in `dropped`; where
+        the groom moves, what is so in all time steps.
 
         Raises
         ------
         GroomError                   where nothing is left
         """
         traced = self
-        if self.steps is not None:
-            return self._moving_traced(self.steps)
-        thinned = without_short_segments(self.points, self.radii, self.offsets)
+        if self.steps is None:
+            thinned = without_short_segments(self.points, self.radii, self.offsets)
+        else:
+            thinned = without_short_in_all_steps(self.steps, self.radii, self.offsets)
         if thinned is not None:
-            if not len(thinned.points):
+            if not len(thinned.kept):
                 raise GroomError("curves: the groom is empty: all strands are single points.")
             dropped = dict(self.dropped)
             for name, count in thinned.dropped.items():
                 dropped[name] = dropped.get(name, 0) + count
             traced = _frozen(
                 thinned.points,
-                self.radii[thinned.kept],
-                thinned.offsets,
-                kept_values(self.attributes, self.offsets, thinned.kept),
-                dropped,
-                self.ignored,
-                self.units,
-            )
-        copies = copied_strands(traced.points, traced.radii, traced.offsets)
-        if not len(copies):
-            return traced
-        kept = np.ones(traced.n_strands, bool)
-        kept[copies] = False
-        return traced.with_strands(kept, "copied_strands")
-
-    def _moving_traced(self, steps: NDArray[np.float32]) -> "Curves":
-        """As `traced`, of what is too near or a copy in all time steps."""
-        traced = self
-        thinned = without_short_in_all_steps(steps, self.radii, self.offsets)
-        if thinned is not None:
-            dropped = dict(self.dropped)
-            for name, count in thinned.dropped.items():
-                dropped[name] = dropped.get(name, 0) + count
-            traced = _frozen(
-                thinned.steps,
                 self.radii[thinned.kept],
                 thinned.offsets,
                 kept_values(self.attributes, self.offsets, thinned.kept),

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import GroomError
-from furcl.groom.close_points import without_short_segments
+from furcl.groom.close_points import Thinned, without_short_segments
 
 if TYPE_CHECKING:
     from furcl.groom.curves import Curves
@@ -114,21 +113,12 @@ def during(curves: Curves, span: Span, source: str = "curves") -> Curves:
     return curves.with_steps([points_at(curves, time) for time in times], times)
 
 
-@dataclass(frozen=True, eq=False)
-class ThinnedSteps:
-    """As furcl.groom.close_points.Thinned, with points (T, n, 3) of each time step."""
-
-    kept: NDArray[np.int64]
-    steps: NDArray[np.float32]
-    offsets: NDArray[np.int64]
-    dropped: dict[str, int]
-
-
 def without_short_in_all_steps(
     steps: NDArray[np.float32], radii: NDArray[np.float32], offsets: NDArray[np.int64]
-) -> ThinnedSteps | None:
+) -> Thinned | None:
     """Take out of a groom that moves the points that `without_short_segments` takes out of every
-    one of its time steps (T, N, 3); None if there are none."""
+    one of its time steps (T, N, 3), of which the points that are left are (T, n, 3); None if there
+    are none."""
     each = [without_short_segments(points, radii, offsets) for points in steps]
     kept = np.zeros(len(radii), bool)
     places = steps.copy()
@@ -145,4 +135,4 @@ def without_short_in_all_steps(
     }
     number = np.flatnonzero(kept)
     offsets = np.concatenate([[0], np.cumsum(counts[counts > 0])]).astype(np.int64)
-    return ThinnedSteps(number, np.ascontiguousarray(places[:, number]), offsets, dropped)
+    return Thinned(number, np.ascontiguousarray(places[:, number]), offsets, dropped)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from furcl.errors import GroomError, SceneError
 from furcl.groom.curves import Curves
 from furcl.groom.joined import Grooms
 from furcl.values import is_number, is_whole, shown
+
+if TYPE_CHECKING:
+    from furcl.scene.tables import Scene
 
 #: Samples of a pixel are numbered by less than this, so that no kernel meets a sign bit.
 MOST_SAMPLES = 1 << 31
@@ -65,3 +68,14 @@ def check_stops(progress: Any, time_limit: Any) -> None:
         raise SceneError(
             f"time_limit = {shown(time_limit)}: expected seconds, 0 or more; None for no limit"
         )
+
+
+def grooms_of(scene: Scene, curves: Given) -> Grooms:
+    """The grooms that a caller gives for a scene, waited for; else they are made.
+
+    Raises
+    ------
+    GroomError
+    """
+    given = curves.result() if isinstance(curves, Future) else curves
+    return scene.build_grooms() if given is None else Grooms.of(given)

@@ -14,7 +14,7 @@ from furcl.errors import SceneError
 from furcl.groom.curves import Curves
 from furcl.groom.joined import Grooms
 from furcl.image.image import Image
-from furcl.rendering.arguments import check_curves, check_stops
+from furcl.rendering.arguments import check_curves, check_stops, grooms_of
 from furcl.rendering.renderer import Progress, Renderer, finished
 from furcl.rendering.target import Target
 from furcl.scene.orbit import orbit
@@ -93,8 +93,7 @@ def render_frames(
     if target and changes.get("spp") is None:
         changes["spp"] = MOST_SPP
     scene = with_overrides(scene, **changes)
-    given = curves.result() if isinstance(curves, Future) else curves
-    grooms = scene.build_grooms() if given is None else Grooms.of(given)
+    grooms = grooms_of(scene, curves)
     angles = [orbit_deg * i / len(frames) for i in range(len(frames))]
     cameras = orbit(scene, grooms.curves, angles, scene.build_meshes())
     renderer = None
