@@ -130,7 +130,7 @@ def render(
     bare = is_groom(find_scene(scene))
     loaded = load_scene(
         scene,
-        overrides=[*_of_groom(bare, material, up), *(overrides or ())],
+        overrides=[*of_groom(bare, material, up), *(overrides or ())],
         spp=spp,
         seed=seed,
         size=size,
@@ -184,7 +184,7 @@ def render(
         raise interrupt.exit()
 
 
-def _of_groom(bare: bool, material: str | None, up: str | None) -> list[str]:
+def of_groom(bare: bool, material: str | None, up: str | None) -> list[str]:
     """The changes that options make of a scene which is a groom alone."""
     from furcl.scene.from_groom import material_override
 

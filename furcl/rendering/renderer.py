@@ -61,6 +61,8 @@ class Renderer:
     target : Target or None         error at which `advance` stops before it has all samples
     held : Held or None             numbers that all samples of a pixel share; where this is not
                                     None, the attribute may be changed between calls of `advance`
+    adjustable : bool               compile what other numbers of the fibres and other windows of
+                                    the film could need (furcl.rendering.adjustable)
 
     Attributes
     ----------
@@ -88,6 +90,7 @@ class Renderer:
         curves: Given = None,
         target: Target | None = None,
         held: Held | None = None,
+        adjustable: bool = False,
     ) -> None:
         check_curves(curves)
         if held and scene.render.sequence != "independent":
@@ -106,6 +109,7 @@ class Renderer:
             curves=curves,
             with_target=target is not None,
             with_held=held is not None,
+            adjustable=adjustable,
         )
         self.features = self.setup.features
         self.materials = self.setup.materials
