@@ -7,6 +7,7 @@ example in docs/scene_examples.
 
 from __future__ import annotations
 
+import inspect
 import re
 import types
 import typing

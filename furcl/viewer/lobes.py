@@ -14,11 +14,11 @@ Array = NDArray[np.float64]
 
 #: Azimuths from 0, straight back, to pi, straight through, and inclinations of the curves.
 N_PHIS = 49
-N_THETAS = 91
+N_THETAS = 61
 #: Nodes of the integrals over the offset, the inclination and the azimuth.
-N_OFFSETS = 40
-N_INCLINATIONS = 28
-N_AZIMUTHS = 8
+N_OFFSETS = 48
+N_INCLINATIONS = 40
+N_AZIMUTHS = 24
 
 WO = np.array([0.0, 1.0, 0.0])
 
@@ -36,9 +36,9 @@ def curves(fibre: Any, prepared: Any = None, *, residual: bool = False) -> dict[
 
     Returns
     -------
-    dict    phi (49) [rad]; theta (91) [rad], negative towards the root; lobes: name -> N, the
-            density of energy in phi [1/rad] (49); M, that in theta [1/rad] (91); energy (r, g,
-            b), the part of the light that leaves in it; albedo (r, g, b), their sum
+    dict    phi (49) [rad]; theta (61) [rad], dense around 0, negative towards the root; lobes:
+            name -> N, the density of energy in phi [1/rad] (49); M, that in theta [1/rad] (61);
+            energy (r, g, b), the part of the light that leaves in it; albedo (r, g, b), their sum
     """
     model = model_of(fibre)
     reference = import_module(model.reference)
@@ -46,7 +46,8 @@ def curves(fibre: Any, prepared: Any = None, *, residual: bool = False) -> dict[
     h, weight = np.sin(h), 0.5 * weight * np.cos(h) if model.has_offset else weight
     names = reference.attenuation(fibre, h, 0.0, prepared, residual=residual)
     phi = np.linspace(0.0, np.pi, N_PHIS)
-    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, N_THETAS)
+    even = np.linspace(-1.0, 1.0, N_THETAS)
+    theta = 0.5 * np.pi * np.sign(even) * np.abs(even) ** 1.7
     inclination, of_inclination = _around_zero(N_INCLINATIONS)
     azimuth = (np.arange(N_AZIMUTHS) + 0.5) * (2.0 * np.pi / N_AZIMUTHS)
     around = _directions(phi[:, None], inclination)
@@ -75,7 +76,7 @@ def curves(fibre: Any, prepared: Any = None, *, residual: bool = False) -> dict[
     }
 
 
-def _directions(phi: Array, theta: Array) -> Array:
+def _directions(phi: NDArray[np.floating], theta: NDArray[np.floating]) -> Array:
     """Unit vectors (phis, thetas, 3) at azimuths from WO."""
     x = np.broadcast_to(np.sin(theta), np.broadcast_shapes(phi.shape, theta.shape))
     return np.stack([x, np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi)], axis=-1)

@@ -19,60 +19,60 @@ class _Message(msgspec.Struct, frozen=True, tag_field="do", forbid_unknown_field
     pass
 
 
-class Orbit(_Message, tag="orbit"):
+class Orbit(_Message, frozen=True, tag="orbit"):
     """Turn the camera around its target: counterclockwise seen from above, and upwards [deg]."""
 
     azimuth_deg: Angle
     elevation_deg: Angle
 
 
-class Move(_Message, tag="move"):
+class Move(_Message, frozen=True, tag="move"):
     """Move camera and target to the right and upwards, in heights of what is seen there."""
 
     right: Part
     up: Part
 
 
-class Dolly(_Message, tag="dolly"):
+class Dolly(_Message, frozen=True, tag="dolly"):
     """Multiply the distance to the target, or the height that an orthographic camera sees."""
 
     factor: Annotated[float, Meta(ge=0.01, le=100.0)]
 
 
-class ResetCamera(_Message, tag="reset-camera"):
+class ResetCamera(_Message, frozen=True, tag="reset-camera"):
     """The scene's camera again."""
 
 
-class Set(_Message, tag="set"):
+class Set(_Message, frozen=True, tag="set"):
     """Give a key of the scene a value, as `--set` does."""
 
     key: Annotated[str, Meta(min_length=1, max_length=200)]
     value: Any
 
 
-class Reset(_Message, tag="reset"):
+class Reset(_Message, frozen=True, tag="reset"):
     """Give a key the value that it has in the scene's file; without a key, all of them."""
 
     key: Annotated[str, Meta(min_length=1, max_length=200)] | None = None
 
 
-class Crop(_Message, tag="crop"):
+class Crop(_Message, frozen=True, tag="crop"):
     """Render a window of the picture, left, top, right, bottom [pixels]; None: all of it."""
 
     box: tuple[Pixel, Pixel, Pixel, Pixel] | None
 
 
-class Choose(_Message, tag="slot"):
+class Choose(_Message, frozen=True, tag="slot"):
     """Go on with the settings A or B."""
 
     slot: SlotName
 
 
-class Copy(_Message, tag="copy"):
+class Copy(_Message, frozen=True, tag="copy"):
     """Make the other settings those that are shown."""
 
 
-class Pause(_Message, tag="pause"):
+class Pause(_Message, frozen=True, tag="pause"):
     """Stop rendering, or go on."""
 
     on: bool

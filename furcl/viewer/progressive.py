@@ -90,8 +90,8 @@ class Progressive:
         """Whether `follow` will take long."""
         return self._follower.needs_set_up(settings.rendered())
 
-    def follow(self, settings: Settings, kept: Moments | None) -> None:
-        """Render other settings from here on.
+    def follow(self, settings: Settings, kept: Moments | None) -> bool:
+        """Render other settings from here on; returns whether their picture is another.
 
         Parameters
         ----------
@@ -108,6 +108,7 @@ class Progressive:
             self._begin(kept)
         elif self._kept:
             self._after_kept()
+        return anew
 
     def _begin(self, kept: Moments | None) -> None:
         self._kept = self.moments = kept

@@ -1,4 +1,4 @@
-"""The server between a session and pages: HTTP for the page and its files, a WebSocket for messages.
+"""The server between a session and pages: HTTP for the page, a WebSocket for messages.
 
 It listens on the loopback interface alone, and every address begins with a random token. A page of
 another site that guesses both is refused still, by its `Host` (a name that was bound to 127.0.0.1

@@ -202,6 +202,8 @@ class Session:
                 self._slot, self._slots[slot].settings = slot, settings
                 self._follow()
         self._show_again()
+        if self._slot != slot:
+            self._tell_picture(self._slot)
 
     def _follow(self, answer: Listener | None = None) -> bool:
         """Have the picture follow the settings; false if that cannot be."""
@@ -209,11 +211,11 @@ class Session:
         try:
             if self._progressive.needs_set_up(slot.settings):
                 self._tell_state("setting up")
-            self._progressive.follow(slot.settings, slot.kept)
+            if self._progressive.follow(slot.settings, slot.kept):
+                self._revision += 1
         except (FurclError, ValueError) as error:
             self._refuse(error, answer)
             return False
-        self._revision += 1
         return True
 
     def _refuse(self, error: Exception, answer: Listener | None) -> None:

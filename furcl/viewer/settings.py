@@ -184,7 +184,6 @@ def changed_by(settings: Settings, message: messages.Message, seen_by: Camera | 
     ------
     SceneError      a value that is not allowed
     """
-    camera = settings.camera or seen_by
     match message:
         case messages.Set(key, value):
             changed = settings.with_value(key, value)
@@ -194,14 +193,11 @@ def changed_by(settings: Settings, message: messages.Message, seen_by: Camera | 
             changed = settings.with_crop(box)
         case messages.ResetCamera():
             changed = settings.with_camera(None)
-        case messages.Orbit() | messages.Move() | messages.Dolly() if camera is None:
-            raise SceneError("there is no picture yet; wait for the first")
-        case messages.Orbit(azimuth, elevation):
-            changed = settings.with_camera(orbited(camera, azimuth, elevation))
-        case messages.Move(right, up):
-            changed = settings.with_camera(shifted(camera, right, up))
-        case messages.Dolly(factor):
-            changed = settings.with_camera(dollied(camera, factor))
+        case messages.Orbit() | messages.Move() | messages.Dolly():
+            camera = settings.camera or seen_by
+            if camera is None:
+                raise SceneError("there is no picture yet; wait for the first")
+            changed = settings.with_camera(_moved(camera, message))
         case _:
             return settings
     film = changed.scene.film
@@ -211,3 +207,13 @@ def changed_by(settings: Settings, message: messages.Message, seen_by: Camera | 
             f"{MOST_PIXELS} pixels; make it smaller, and render larger pictures with furcl render"
         )
     return changed
+
+
+def _moved(camera: Camera, message: messages.Orbit | messages.Move | messages.Dolly) -> Camera:
+    match message:
+        case messages.Orbit(azimuth, elevation):
+            return orbited(camera, azimuth, elevation)
+        case messages.Move(right, up):
+            return shifted(camera, right, up)
+        case messages.Dolly(factor):
+            return dollied(camera, factor)
