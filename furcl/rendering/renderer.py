@@ -443,6 +443,7 @@ def render(
     SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError,
     CheckpointError
     """
+    assert not isinstance(progress, bool)  # by showing_progress
     check_stops(progress, time_limit)
     check_checkpoints(checkpoint, checkpoint_minutes)
     check_samples(samples, spp)
