@@ -28,7 +28,7 @@ def wait_until_done(driver: Any) -> None:
 
 
 def main() -> None:
-    with furcl.view("red_fox", size=(600, 600), spp=32) as view:
+    with furcl.view("red_fox", size=(400, 400), spp=8) as view:
         driver = open_browser()
         try:
             driver.get(view.address)

@@ -83,7 +83,7 @@ def test_samples_stay(follower: Follower, change: str) -> None:
 
 
 def test_drafts_are_profiles_with_more_noise(device: Device) -> None:
-    fibre = Fibre.preset("red-fox", kappa=0.637)
+    fibre = Fibre.preset("human-white", kappa=0.637)
     draft, noisier = draft_profiles(device, fibre)
     exact = build_profiles(device, fibre, photons=400, cache=False)
     assert draft is not None

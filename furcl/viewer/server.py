@@ -112,7 +112,7 @@ class ViewServer:
 
     async def _serve(self, port: int, ready: threading.Event) -> None:
         self._stop = asyncio.Event()
-        quiet = logging.getLogger("furcl.viewer.connections")
+        quiet = log.getChild("connections")
         quiet.setLevel(logging.CRITICAL)
         try:
             self._server = await serve(
