@@ -63,10 +63,9 @@ def table(file: Path) -> None:
         if line["wrong"]:
             wrong[line["kind"]] = line["wrong"]
     for kind, n in read.items():
+        verdict = "**WRONG**" if kind in wrong else "ok"
         said = wrong.get(kind, f"{n} files, {refused[kind]} refused")
-        print(
-            f"| mutants | damaged files: {kind} | {said} | {'**WRONG**' if kind in wrong else 'ok'} |"
-        )
+        print(f"| mutants | damaged files: {kind} | {said} | {verdict} |")
     total = f"{sum(read.values())} files of {len(read)} kinds, at most {peak} MB"
     print(f"| mutants | all | {total} | {'**WRONG**' if wrong else 'ok'} |")
 
