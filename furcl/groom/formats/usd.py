@@ -44,8 +44,7 @@ def read_usd(path: Path, asked: Asked) -> Strands:
     ------
     GroomError      the prim, and a remedy; usd-core is missing, or fails on the file
     """
-    _require()
-    said, arrays = _extracted(path)
+    said, arrays = extracted(path)
     if "error" in said:
         raise GroomError(
             f"{path}: usd-core cannot read it: {shown(said['error'])}. It is damaged, or of "
@@ -155,14 +154,20 @@ def _require() -> None:
         raise GroomError(NEEDED)
 
 
-def _extracted(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What another process finds in the file (furcl.groom.formats.usd_stage)."""
+def extracted(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What another process finds in the file (furcl.groom.formats.usd_stage) of curves or meshes.
+
+    Raises
+    ------
+    GroomError      usd-core is missing, or fails on the file
+    """
+    _require()
     size = path.stat().st_size
     file = os.memfd_create("furcl-usd", os.MFD_CLOEXEC)
     try:
         seconds = SECONDS + SECONDS_PER_MIB * size / 2**20
         n_bytes = MEMORY_FACTOR * size + SLACK_BYTES
-        request = json.dumps([str(path.absolute()), file, n_bytes, seconds])
+        request = json.dumps([str(path.absolute()), file, n_bytes, seconds, what])
         try:
             ended = subprocess.run(
                 python_command("-m", "furcl.groom.formats.usd_stage", request),
@@ -373,8 +378,9 @@ FORMAT = Format(
     units="`metersPerUnit` if it is there; `upAxis`, y if it is not there",
     kept="`primvars:displayColor` as colours, else the colour that the material's surface shader "
     "says; other primvars of numbers that all prims have",
-    left_out="NURBS and Hermite curves, meshes, point instancers, guides and what is invisible are "
-    "counted; texture coordinates. Ribbons are read as fibres.",
+    left_out="NURBS and Hermite curves, point instancers, guides and what is invisible are "
+    "counted, and meshes, which `--set mesh.NAME.file=FILE.usd` shows beside the strands; texture "
+    "coordinates. Ribbons are read as fibres.",
     curved=True,
     extra="usd",
 )

@@ -59,8 +59,8 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise MeshError(
-            f"{path}: meshes are read from {', '.join(READERS)} files; convert it, for example "
-            f"with Blender"
+            f"{path}: meshes are read from {', '.join(READERS)} and USD files; convert it, for "
+            f"example with Blender"
         )
 
     def check_size(n_triangles: int) -> None:
