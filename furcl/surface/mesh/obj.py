@@ -57,8 +57,8 @@ def read_obj(path: Path, check_size: Callable[[int], None]) -> dict[str, Any]:
                     rows = _or_blame(partial(_rows, width), key, texts[key], first, lines)
                     tables[key].append(rows.reshape(-1, width).astype(dtype, copy=False))
             if texts["f"]:
-                corners = _or_blame(_corners, "f", texts["f"], first, lines)
-                triangles.append(_triangles(*corners, seen))
+                corners, counts = _or_blame(_corners, "f", texts["f"], first, lines)
+                triangles.append(_triangles(corners, counts, seen))
                 check_size(triangles.n)
     if not triangles.n:
         return {}
