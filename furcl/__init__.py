@@ -29,15 +29,14 @@ _MODULES = {
     "bcsdf": "furcl.fibre.double_cylinder.reference",
     "bench": "furcl.bench",
     "distributed": "furcl.distributed",
-    "samplers": "furcl.fibre.samplers",
+    "samplers": "furcl.samplers",
 }
 
 if TYPE_CHECKING:
-    from furcl import bench, distributed
+    from furcl import bench, distributed, samplers
     from furcl.device.choice import open_device
     from furcl.errors import FurclError
     from furcl.fibre import model as models
-    from furcl.fibre import samplers
     from furcl.fibre.double_cylinder import reference as bcsdf
     from furcl.fibre.double_cylinder.parameters import Fibre
     from furcl.groom.curves import Curves
