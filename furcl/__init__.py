@@ -6,6 +6,10 @@ Names are loaded when they are first used: importing furcl is quick.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from furcl.settings import leave_out_unusable_caches
+
+leave_out_unusable_caches()
+
 __version__ = "0.1.0"
 
 _PUBLIC = {

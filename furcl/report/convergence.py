@@ -9,6 +9,7 @@ from typing import Any
 
 from furcl.errors import BenchError
 from furcl.files import file_name
+from furcl.image.denoise import refuse_denoised
 from furcl.image.image import Image
 from furcl.report import convergence_plots as plots
 from furcl.report.convergence_checks import departures
@@ -108,12 +109,19 @@ def _draw(scene: Mapping[str, Any], folder: Path, metric: str) -> dict[str, Path
     for name in _shown(scene):
         path = folder / "images" / f"{own}-{file_name(name)}-{spp}.exr"
         if path.exists():
-            pictures.append((name, Image.load(path)))
+            pictures.append((name, _rendered(path)))
     if reference.exists() and pictures:
-        figure = plots.crops(scene, spp, Image.load(reference), pictures)
+        figure = plots.crops(scene, spp, _rendered(reference), pictures)
         drawn["crops"] = folder / "plots" / f"{own}-crops.png"
         plots.save(figure, drawn["crops"], dpi=130)
     return drawn
+
+
+def _rendered(path: Path) -> Image:
+    """A picture that is not denoised."""
+    image = Image.load(path)
+    refuse_denoised(image, str(path), "run the benchmark again", BenchError)
+    return image
 
 
 def _shown(scene: Mapping[str, Any]) -> list[str]:

@@ -134,7 +134,11 @@ __kernel void add_first_hits(
     )
 {
     const Paths paths = {state, wave.n_slots};
-    const Groom groom = groom_of(blocks, vertices, strands);
+    const Groom groom = groom_of(blocks, vertices, strands
+#if FURCL_MESHES
+        , corners
+#endif
+        );
     Others others;
 #if FURCL_SURFACE
     others.surface = &surface;

@@ -44,8 +44,7 @@ def read_usd(path: Path, asked: Asked) -> Strands:
     ------
     GroomError      the prim, and a remedy; usd-core is missing, or fails on the file
     """
-    _require()
-    said, arrays = _extracted(path)
+    said, arrays = extracted(path)
     if "error" in said:
         raise GroomError(
             f"{path}: usd-core cannot read it: {shown(said['error'])}. It is damaged, or of "
@@ -60,7 +59,8 @@ def read_usd(path: Path, asked: Asked) -> Strands:
     parts = [_prim(prim, number, arrays, asked, path) for number, prim in enumerate(said["prims"])]
     counts = np.concatenate([np.diff(_offsets(part)) for part in parts])
     attributes, ignored = _values(parts)
-    times = sorted({float(time) for part in parts if part.times is not None for time in part.times})
+    own = [np.asarray(part.times, np.float64) for part in parts if part.times is not None]
+    times = np.unique(np.concatenate(own)).tolist() if own else []
     return Strands(
         np.concatenate([_at_times(part, times) for part in parts], axis=1 if times else 0),
         np.concatenate([np.broadcast_to(part.radii, part.points.shape[-2]) for part in parts]),
@@ -155,14 +155,20 @@ def _require() -> None:
         raise GroomError(NEEDED)
 
 
-def _extracted(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What another process finds in the file (furcl.groom.formats.usd_stage)."""
+def extracted(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What another process finds in the file (furcl.groom.formats.usd_stage) of curves or meshes.
+
+    Raises
+    ------
+    GroomError      usd-core is missing, or fails on the file
+    """
+    _require()
     size = path.stat().st_size
     file = os.memfd_create("furcl-usd", os.MFD_CLOEXEC)
     try:
         seconds = SECONDS + SECONDS_PER_MIB * size / 2**20
         n_bytes = MEMORY_FACTOR * size + SLACK_BYTES
-        request = json.dumps([str(path.absolute()), file, n_bytes, seconds])
+        request = json.dumps([str(path.absolute()), file, n_bytes, seconds, what])
         try:
             ended = subprocess.run(
                 python_command("-m", "furcl.groom.formats.usd_stage", request),
@@ -373,8 +379,9 @@ FORMAT = Format(
     units="`metersPerUnit` if it is there; `upAxis`, y if it is not there",
     kept="`primvars:displayColor` as colours, else the colour that the material's surface shader "
     "says; other primvars of numbers that all prims have",
-    left_out="NURBS and Hermite curves, meshes, point instancers, guides and what is invisible are "
-    "counted; texture coordinates. Ribbons are read as fibres.",
+    left_out="NURBS and Hermite curves, point instancers, guides and what is invisible are "
+    "counted, and meshes, which `--set mesh.NAME.file=FILE.usd` shows beside the strands; texture "
+    "coordinates. Ribbons are read as fibres.",
     curved=True,
     extra="usd",
 )

@@ -1,4 +1,4 @@
-"""What a USD stage has of curves, by usd-core, in a process of its own.
+"""What a USD stage has of curves or meshes, by usd-core, in a process of its own.
 
 `python -m furcl.groom.formats.usd_stage REQUEST`: a damaged file may crash the library, make it
 take any memory, or hang. The arrays go into memory that both processes share, as .npz.
@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from furcl.groom.formats.usd_meshes import extract_meshes
 from furcl.memory import limit_memory
 
 #: Names of inputs of surface shaders that hold their colour.
@@ -37,8 +38,8 @@ def pxr(module: str) -> Any:
     return import_module(f"pxr.{module}")
 
 
-def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What is said of the stage and its curves, and their arrays by number and name.
+def extract(path: str, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What is said of the stage and its curves, or "meshes", and arrays by number and name.
 
     Points and transformations are taken at all times that the file has, of other values that change
     with time the first ones.
@@ -57,9 +58,13 @@ def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         if stage.HasAuthoredMetadata("metersPerUnit")
         else None,
         "prims": [],
+        "meshes": [],
         "left_out": {},
     }
     arrays: dict[str, np.ndarray] = {}
+    if what == "meshes":
+        extract_meshes(stage, time, said, arrays)
+        return said, arrays
 
     def leave_out(why: str) -> None:
         said["left_out"][why] = said["left_out"].get(why, 0) + 1
@@ -95,12 +100,13 @@ def _motion(prim, number: int, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
     times = sorted({*of_points.GetTimeSamples(), *_transform_times(prim)})
     if len(times) < 2 or f"{number}/points" not in arrays:
         return {}
-    steps = np.empty((len(times), *arrays[f"{number}/points"].shape), np.float32)
+    n_points = len(arrays[f"{number}/points"])
+    steps = np.empty((len(times), n_points, 3), np.float32)
     for i, moment in enumerate(times):
         code = Usd.TimeCode(moment)
         matrix = np.array(UsdGeom.XformCache(code).GetLocalToWorldTransform(prim))
         points = np.asarray(of_points.Get(code), np.float64).reshape(-1, 3)
-        if len(points) != steps.shape[1]:
+        if len(points) != n_points:
             return {"points_change": True}
         with np.errstate(all="ignore"):  # what is not finite is refused with the points
             steps[i] = points @ matrix[:3, :3] + matrix[3, :3]
@@ -201,10 +207,10 @@ def _material_colour(prim, time) -> list[float] | None:
     return None
 
 
-def write_result(path: str, file: BinaryIO) -> None:
+def write_result(path: str, file: BinaryIO, what: str = "curves") -> None:
     """Write what a stage has to an open file: .npz, with what is said as text in it."""
     try:
-        said, arrays = extract(path)
+        said, arrays = extract(path, what)
     except MemoryError:
         raise
     except Exception as error:  # usd-core raises many kinds
@@ -215,7 +221,7 @@ def write_result(path: str, file: BinaryIO) -> None:
 
 def main(request: str) -> int:
     """Read what a request of furcl.groom.formats.usd names."""
-    path, file, n_bytes, seconds = json.loads(request)
+    path, file, n_bytes, seconds, what = json.loads(request)
     for name in ("Usd", "UsdGeom", "UsdShade"):
         pxr(name)  # before its memory is limited
 
@@ -224,7 +230,7 @@ def main(request: str) -> int:
     limit = int(used.ru_utime + used.ru_stime + seconds) + 1
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
     with os.fdopen(file, "wb") as shared:
-        write_result(path, shared)
+        write_result(path, shared, what)
     return 0
 
 
