@@ -89,6 +89,13 @@ class DoubleCylinder(FibreModel):
 
         return build_profiles(device, fibre)
 
+    def draft(self, device: Device, fibre: Fibre) -> tuple[MedullaProfiles | None, bool]:
+        """Profiles of few photons, where none are stored: tests/test_view_follow.py has their
+        error."""
+        from furcl.fibre.double_cylinder.profiles import draft_profiles
+
+        return draft_profiles(device, fibre)
+
     def absorption_of_colour(self, fibre: Fibre, colour: np.ndarray) -> np.ndarray:
         return sigma_ca_from_colours(colour, fibre.beta_n_deg)
 
