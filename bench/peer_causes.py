@@ -28,7 +28,13 @@ DARK = {"radiance": 1e-4}  # a lamp that hides what is behind it and gives no li
 NIGHT = {"environment": [0.0, 0.0, 0.0]}
 BLACK = {"scalp_albedo": [0.0, 0.0, 0.0]}
 ONE = {"bounces": 1, **BLACK}
-STRAND = {"origin": [0.0, -4.5, 1.2], "target": [0.0, -1.6, 0.4], "vfov_deg": 3.0}
+STRAND = {"origin": [0.0, -4.5, 1.2], "target": [0.0, -1.7, 0.4], "vfov_deg": 3.0}
+# Ways and radii: aslant, and towards the camera.
+STRANDS = {
+    "strand": ((0.6, 0.1, 0.8), 0.02),
+    "towards the camera": ((0.2, -0.72, 0.24), 0.01),
+    "towards the camera, thin": ((0.2, -0.72, 0.24), 0.0025),
+}
 PEERS: list[tuple[str, dict[str, Any]]] = [("mitsuba-llvm", {}), ("cycles", {})]
 NEAR: list[tuple[str, dict[str, Any]]] = [("furcl", {"mode": "near"})]
 OTHER_TILT = [("mitsuba-llvm", {"fibre": {"alpha_deg": -2.0}})]
@@ -40,6 +46,10 @@ CASES: dict[str, tuple[str, dict[str, Any], list[tuple[str, dict[str, Any]]]]] =
     "one fibre, the lamp alone": (
         "strand", {**ONE, **NIGHT, "camera": STRAND}, PEERS + NEAR + OTHER_TILT,
     ),
+    **{
+        f"one fibre {name}, even light": (name, {**ONE, "lamp": DARK, "camera": STRAND}, PEERS)
+        for name in list(STRANDS)[1:]
+    },
     "scalp, even light behind a dark lamp": (
         "strand", {"bounces": 1, "lamp": DARK, "camera": {**STRAND, "target": [0.6, 0.0, 0.5]}},
         PEERS,
@@ -64,19 +74,19 @@ CASES: dict[str, tuple[str, dict[str, Any], list[tuple[str, dict[str, Any]]]]] =
 }  # fmt: skip
 
 
-def strand() -> Curves:
-    """One straight strand before the scalp, a little aslant."""
+def strand(way: tuple[float, float, float], radius: float) -> Curves:
+    """One straight strand before the scalp."""
     places = np.linspace(-0.5, 0.5, 8)[:, None]
-    points = np.array([0.0, -1.6, 0.4]) + places * np.array([0.6, 0.1, 0.8])
+    points = np.array([0.0, -1.7, 0.4]) + places * np.array(way)
     return Curves.from_arrays(
-        points.astype(np.float32), np.full(8, 0.02, np.float32), np.array([0, 8], np.uint32)
+        points.astype(np.float32), np.full(8, radius, np.float32), np.array([0, 8], np.uint32)
     )
 
 
 def grown(name: str, thinner: int) -> Curves:
     """A groom; of more strands, all together as wide as before."""
-    if name == "strand":
-        return strand()
+    if name in STRANDS:
+        return strand(*STRANDS[name])
     groom = grow(name, GROOMS[name][0] * thinner)
     # `grow` keeps the share of the scalp that roots cover.
     radii = (groom.radii / np.sqrt(thinner)).astype(np.float32)
