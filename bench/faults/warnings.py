@@ -36,6 +36,10 @@ _SCENES = {
         "[camera]\norigin = [9.0, 0.0, 0.0]\ntarget = [9.0, 9.0, 1.0]\nvfov_deg = 10.0\n",
         "outside the picture",
     ),
+    "a view between strands": (
+        "[camera]\norigin = [9.0, 0.0, 0.0]\ntarget = [0.0, 0.0, 1.3]\nvfov_deg = 0.05\n",
+        "looks between them",
+    ),
     "a groom smaller than a pixel": (
         "[camera]\norigin = [1e7, 0.0, 0.0]\ntarget = [0.0, 0.0, 0.0]\n",
         "pixels large",

@@ -78,6 +78,11 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
     if not ((np.abs(x) < 1.0) & (np.abs(y) < 1.0)).any():
         if x.min() > 1.0 or x.max() < -1.0 or y.min() > 1.0 or y.max() < -1.0:
             yield "the groom is outside the picture; turn the camera, or leave origin out"
+        elif not _in_picture(scene, camera, curves):
+            yield (
+                "no strand is in the picture, which looks between them; turn the camera, give a "
+                "wider vfov_deg, or leave origin and target out"
+            )
         return
     height_px = 0.5 * scene.film.height
     extent = max(float(np.ptp(x)) * scene.film.aspect, float(np.ptp(y))) * height_px
@@ -90,6 +95,26 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
             f"fibres are {2.0 * radius_px:.1g} pixels thick: samples hardly meet them, so the "
             f"picture is black or noisy; give radius_scale or move the camera closer"
         )
+
+
+def _in_picture(scene: Scene, camera: Camera, curves: Curves) -> bool:
+    """Whether a segment is, with its radius, partly in the picture; yes if some are partly behind
+    the camera."""
+    x, y, depth = camera.on_film(curves.points.astype(np.float64), scene.film.aspect)
+    first = curves.segment_vertices()
+    a, b = np.stack([x, y], 1)[first], np.stack([x, y], 1)[first + 1]
+    front = depth > 0.0
+    if (front[first] != front[first + 1]).any():
+        return True
+    half = camera.half_height * (1.0 if camera.orthographic else float(depth[front].min()))
+    margin = 1.0 + float(curves.radii.max()) / max(half, 1e-30) * max(1.0, 1.0 / scene.film.aspect)
+    # What of a segment is between both sides, in parts of it, along either axis.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.sort(np.stack([(-margin - a) / (b - a), (margin - a) / (b - a)]), axis=0)
+    still = (a == b) & (np.abs(a) <= margin)
+    begin = np.where(still, -np.inf, ends[0]).max(axis=1)
+    end = np.where(still, np.inf, ends[1]).min(axis=1)
+    return bool((front[first] & (np.maximum(begin, 0.0) <= np.minimum(end, 1.0))).any())
 
 
 def _of_body(body: Surface, camera: Camera, points: Array) -> Iterator[str]:
