@@ -23,8 +23,8 @@ PROFILE_PHIS = 128
 PROFILE_THETAS = 16
 PROFILE_SINES = PROFILE_PHIS // 2  # both bands together fill a row of phi: medulla_score.clh
 
-# Tables of simulated scattering (docs/model.md, Simulated scattering): rows over sin(theta_i) and h with
-# cells of phi by s; for light samples bins of |phi| by s, whatever h.
+# Tables of simulated scattering (docs/model.md, Simulated scattering): rows over sin(theta_i) and h
+# with cells of phi by s; for light samples bands of |phi| by s, whatever h.
 SIMULATED_THETAS = 8
 SIMULATED_OFFSETS = 12
 SIMULATED_PHIS = 32

@@ -46,15 +46,14 @@ class DoubleCylinder(FibreModel):
         the residual always does."""
         absorbs = any(s > 0.0 for s in fibre.sigma_ma)
         scattered, simulated = fibre.has_medulla, fibre.is_simulated
+        absorbed, grey = absorbs, len(set(fibre.sigma_ma)) == 1
         if simulated:
-            tables_absorb, grey = absorbs or any(s > 0.0 for s in fibre.sigma_ca), self.is_grey(fibre)
-        else:
-            tables_absorb, grey = absorbs, len(set(fibre.sigma_ma)) == 1
+            absorbed, grey = absorbs or any(s > 0.0 for s in fibre.sigma_ca), self.is_grey(fibre)
         return DoubleCylinderFeatures(
             medulla=scattered
             or (fibre.kappa > 0.0 and (absorbs or any(s > 0.0 for s in fibre.sigma_ca))),
             scattered=scattered,
-            profile_channels=0 if not (scattered and tables_absorb) else 1 if grey else 3,
+            profile_channels=0 if not (scattered and absorbed) else 1 if grey else 3,
             layered=fibre.layers != 0.5,
             tilt=fibre.tilt != 0.0,
             residual=residual or simulated,
@@ -89,9 +88,7 @@ class DoubleCylinder(FibreModel):
         params["profile_taus_per_cos"] = (layout.PROFILE_TAUS - 1) / (1.0 - cos_min)
         return params
 
-    def prepare(
-        self, device: Device, fibre: Fibre
-    ) -> MedullaProfiles | SimulatedScattering | None:
+    def prepare(self, device: Device, fibre: Fibre) -> MedullaProfiles | SimulatedScattering | None:
         """The profiles of the medulla, or tables of the light that it scatters, simulated or
         loaded; None if it scatters nothing."""
         if fibre.is_simulated:
@@ -102,6 +99,14 @@ class DoubleCylinder(FibreModel):
 
         return build_profiles(device, fibre)
 
+    def why_one_absorption(self, fibre: Fibre) -> str | None:
+        if not fibre.is_simulated:
+            return None
+        return (
+            "fibre.scattering = 'simulated': its tables are for one absorption, and strands or "
+            "points have others; allowed is 'model'"
+        )
+
     def absorption_of_colour(self, fibre: Fibre, colour: np.ndarray) -> np.ndarray:
         return sigma_ca_from_colours(colour, fibre.beta_n_deg)
 
@@ -110,8 +115,8 @@ class DoubleCylinder(FibreModel):
         prepared: MedullaProfiles | SimulatedScattering | None,
         features: DoubleCylinderFeatures,
     ) -> np.ndarray:
-        """The packed profiles or tables; zeros where kernels with scattered lobes run on a fibre that has
-        none."""
+        """The packed profiles or tables; zeros where kernels with scattered lobes run on a fibre
+        that has none."""
         if prepared is None or not features.scattered:
             return np.zeros(features.data_words, np.float32)
         return prepared.pack(features.profile_channels)

@@ -68,7 +68,8 @@ class SimulatedScattering:
     colours : (8, 12, 32, 64, 3) float16 or None    what leaves of each channel over the mean;
                                             None where all channels are alike
     bands : (8, 16, 64) float32             density of s in bands of |phi|, of all h
-    relative_error : float                  largest standard error of a row's escaping share, over it
+    relative_error : float                  largest standard error of a row's escaping share,
+                                            over it
     photons : int                           photons traced
     given_up : float                        share that outlived the limit on collisions
     """
