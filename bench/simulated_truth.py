@@ -1,12 +1,12 @@
-"""Simulated scattering against brute force of the same fibre: albedo, and where scattered light goes.
+"""Simulated scattering against brute force of the same fibre: albedo and directions.
 
     python bench/simulated_truth.py [-o bench/results] [--presets NAME ...] [--theta DEG ...]
                                     [--photons N] [--seed N] [--device TEXT]
 
-Truth is the Monte Carlo of fibre_walk.py; fibres have their layers and no tilt. Distances are of the
-light that was scattered on the first two crossings, far field, in the bins of fibre_walk.py, which
-are folded at phi = 0: half the sum of absolute differences. The noise of the truth is in them; it
-is half the distance of the two halves of its photons.
+Truth is the Monte Carlo of fibre_walk.py; fibres have their layers and no tilt. Distances are of
+the light that was scattered on the first two crossings, far field, in the bins of fibre_walk.py,
+which are folded at phi = 0: half the sum of absolute differences. The noise of the truth is in
+them; it is half the distance of the two halves of its photons.
 
 Writes simulated_truth.json into the folder given by -o, of which docs_tables.py makes the table of
 docs/model.md.

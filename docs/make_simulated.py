@@ -1,7 +1,7 @@
 """Pictures of both ways of scattering, side by side: python docs/make_simulated.py [--spp N].
 
 Writes docs/pictures/simulated.png: raccoon and red fox, left as the model is published, right with
-fibre.scattering = "simulated", below them their ratio of means by channel.
+fibre.scattering = "simulated".
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import furcl
 from furcl.scene.read import with_overrides
 
 SCENES = ("raccoon", "red_fox")
-SIZE, SPP = 256, 96
+SIZE, SPP = 160, 48
 
 
 def main() -> None:
