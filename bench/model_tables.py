@@ -76,63 +76,6 @@ def limits() -> str:
     return f"{table(columns, rows)}\n\n{how}"
 
 
-def simulated() -> str:
-    """Albedos and distances of both ways of scattering beside brute force."""
-    results = load("simulated_truth.json")
-    rows = []
-    for name, found in results["results"].items():
-        for r in found["rows"]:
-            albedos = [r[way]["albedo"] for way in ("model", "simulated")]
-            off = [f"{100 * (a / r['truth_albedo'] - 1):+.2f} %" for a in albedos]
-            rows.append(
-                [
-                    name,
-                    f"{r['theta_deg']:g}",
-                    f"{r['truth_albedo']:.4f}",
-                    *off,
-                    f"{100 * r['truth_error'] / r['truth_albedo']:.2f} %",
-                    *(f"{r[way]['distance']:.3f}" for way in ("model", "simulated")),
-                    f"{r['noise']:.3f}",
-                ]
-            )
-    columns = [
-        "preset", "theta", "albedo", "model", "simulated", "standard error of the truth",
-        "distance of the model", "simulated", "of which noise of the truth",
-    ]  # fmt: skip
-    how = f"`{results['command']}`, {results['photons']:,} photons a row."
-    return f"{table(columns, rows)}\n\n{how}"
-
-
-def simulated_tables() -> str:
-    """What tables of simulated scattering take."""
-    rows = [
-        [
-            name,
-            f"{found['tables']['bytes'] / 1e6:.2f} MB",
-            f"{found['tables']['photons'] / 1e6:.2f} million",
-            f"{found['tables']['processor_seconds']:.1f} s",
-        ]
-        for name, found in load("simulated_truth.json")["results"].items()
-    ]
-    return table(["preset", "tables", "photons", "processor time"], rows)
-
-
-def simulated_cost() -> str:
-    """Time of pictures with simulated scattering over that of the model."""
-    results = load("simulated_cost.json")
-    rows = [
-        [
-            name,
-            f"{r['cost_of_a_ray']:.2f} ({r['interval'][0]:.2f} to {r['interval'][1]:.2f})",
-            f"{r['rays']:.2f}",
-            f"{r['mean']:.2f}",
-        ]
-        for name, r in results["scenes"].items()
-    ]
-    how = f"`{results['command']}`, {results['rounds']} rounds of {results['spp']} spp."
-    return f"{table(['scene', 'time a ray', 'rays', 'mean of the picture'], rows)}\n\n{how}"
-
-
 def reciprocity() -> str:
     """How far presets are from reciprocal, by lobe, and what the half difference angle changes."""
     results = load("reciprocity.json")
@@ -154,8 +97,5 @@ TABLES = {
     "shares": shares,
     "shares-circumstances": lambda: circumstances(load("medulla_tables.json")),
     "limits": limits,
-    "simulated": simulated,
-    "simulated-tables": simulated_tables,
-    "simulated-cost": simulated_cost,
     "reciprocity": reciprocity,
 }

@@ -139,9 +139,8 @@ stragglers() { # how well machines share a render
     script stragglers -o "$out/stragglers/$name" $(pick "" "single_fibre --parts 2")
 }
 
-simulated() { # simulated scattering beside brute force, and what it costs a picture
+simulated() { # simulated scattering beside brute force
     script simulated_truth -o "$out" $(pick "" "--presets raccoon --theta 60 --photons 1000")
-    script simulated_cost -o "$out" $(pick "" "--size 16x16 --spp 1 --rounds 6")
 }
 
 docs() {

@@ -8,8 +8,7 @@ the light that was scattered on the first two crossings, far field, in the bins 
 which are folded at phi = 0: half the sum of absolute differences. The noise of the truth is in
 them; it is half the distance of the two halves of its photons.
 
-Writes simulated_truth.json into the folder given by -o, of which docs_tables.py makes the table of
-docs/model.md.
+Writes simulated_truth.json into the folder given by -o.
 """
 
 from __future__ import annotations

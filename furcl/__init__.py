@@ -6,6 +6,10 @@ Names are loaded when they are first used: importing furcl is quick.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from furcl.settings import leave_out_unusable_caches
+
+leave_out_unusable_caches()
+
 __version__ = "0.1.0"
 
 _PUBLIC = {
@@ -29,15 +33,14 @@ _MODULES = {
     "bcsdf": "furcl.fibre.double_cylinder.reference",
     "bench": "furcl.bench",
     "distributed": "furcl.distributed",
-    "samplers": "furcl.fibre.samplers",
+    "samplers": "furcl.samplers",
 }
 
 if TYPE_CHECKING:
-    from furcl import bench, distributed
+    from furcl import bench, distributed, samplers
     from furcl.device.choice import open_device
     from furcl.errors import FurclError
     from furcl.fibre import model as models
-    from furcl.fibre import samplers
     from furcl.fibre.double_cylinder import reference as bcsdf
     from furcl.fibre.double_cylinder.parameters import Fibre
     from furcl.groom.curves import Curves

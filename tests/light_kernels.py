@@ -83,7 +83,8 @@ def launch(device: Device, text: str, kernel: str, arrays, n: int, widths):
     ]
     outputs = [np.zeros((n, width) if width > 1 else n, np.float32) for width in widths]
     results = [cl.Buffer(device.context, flags.WRITE_ONLY, array.nbytes) for array in outputs]
-    getattr(built, kernel)(device.queue, (n,), None, *buffers, *results)
+    # Groups of one, as stages on CPUs have them: Intel's compiler fails to make vectors of some.
+    getattr(built, kernel)(device.queue, (n,), (1,), *buffers, *results)
     for array, buffer in zip(outputs, results, strict=True):
         cl.enqueue_copy(device.queue, array, buffer)
     return outputs

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from ray_reference import random_walks, strands
 
-from furcl.bvh import build, embree, needles
+from furcl.bvh import embree, needles, trees
 from furcl.bvh.build import build_bvh
 from furcl.bvh.chunk import BUFFERS
 from furcl.bvh.partition import Partition, top_lanes
@@ -165,7 +165,7 @@ def test_scratch_memory_is_bounded_by_the_chunk(device, rng):
 
 def test_the_buffer_of_blocks_grows(device, rng, monkeypatch):
     """Chunks that need more blocks than the first let expect."""
-    monkeypatch.setattr(build, "_ROOM", 0.5)
+    monkeypatch.setattr(trees, "_ROOM", 0.5)
     curves = random_walks(rng, 2000, 8, 0.05, 0.002)
     check_bvh(build_bvh(Memory(device), curves, chunk_segments=2000).read(), curves)
 

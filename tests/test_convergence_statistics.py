@@ -28,7 +28,15 @@ def test_mean_interval_of_five_values_by_hand():
     assert (found.low, found.high) == pytest.approx((3.0 - half, 3.0 + half), abs=1e-6)
     single = mean_interval([2.0])
     assert single.mean == 2.0
-    assert single.as_dict() == {"mean": 2.0, "low": None, "high": None, "n": 1}
+    assert single.as_dict() == {"mean": 2.0, "low": None, "high": None, "n": 1, "median": 2.0}
+
+
+def test_the_median_of_runs_stays_where_one_bright_run_moves_the_mean():
+    runs = [1.0, 1.1, 0.9, 1.0, 50.0]
+    assert mean_interval(runs).mean > 10.0
+    assert mean_interval(runs).median == 1.0
+    assert ratio_interval(runs).median == pytest.approx(1.0)
+    assert mean_interval(runs).widened(0.1).median == 1.0
 
 
 def test_intervals_cover_the_truth_as_often_as_they_say(rng):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from faults.__main__ import outcome, topics
-from faults.case import Case
+from faults.case import Case, NotHereError
 
 CASES = [
     pytest.param(case, id=f"{topic}: {case.name}")
@@ -15,11 +15,18 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES)
 def test_faults(case, tmp_path):
-    assert case.run(tmp_path, True)
+    try:
+        assert case.run(tmp_path, True)
+    except NotHereError as error:
+        pytest.skip(str(error))
 
 
 def _wrong(folder, quick):
     raise AssertionError("it broke\nhere")
+
+
+def _not_here(folder, quick):
+    raise NotHereError("no such runtime")
 
 
 def _broken(folder, quick):
@@ -31,6 +38,7 @@ def _broken(folder, quick):
     [
         (lambda folder, quick: f"{len(list(folder.iterdir()))} files", "0 files", True),
         (_wrong, "it broke", False),
+        (_not_here, "no such runtime", None),
         (_broken, f"KeyError: 'x' (test_faults.py:{_broken.__code__.co_firstlineno + 1})", False),
     ],
 )

@@ -114,7 +114,7 @@ def test_values_of_points_and_of_ends_follow():
     points = np.cumsum(np.random.default_rng(5).normal(size=(14, 3)), axis=0)
     spans = Spans(np.array([0, 7, 14]), "bezier")
     bezier = spans.bezier(points)
-    found = places(spans, bezier, np.full((4, 4), 1e-3))
+    found = places(spans, [bezier], np.full((4, 4), 1e-3))
     np.testing.assert_array_equal(found.of(spans.bezier(points)), found.of(bezier))
     ends = np.array([0.0, 1.0, 2.0, 10.0, 11.0, 12.0])
     values = found.of(spans.bezier_of_ends(ends))

@@ -110,7 +110,7 @@ REFUSED = {
     "short.ply": (ply_text(SQUARE, [[0, 1, 2]])[:-20], "no triangles"),
     "beyond.ply": (ply_text(SQUARE, [[0, 1, 7]]), "triangle 0 has the vertices"),
     "flat.obj": ("v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "vertices have the shape (3, 2)"),
-    "mesh.fbx": ("x", "read from .obj, .ply files"),
+    "mesh.fbx": ("x", "read from .obj, .ply and USD files"),
     "no_uv.obj": (obj_text(CUBE), "has no texture coordinates"),
 }
 

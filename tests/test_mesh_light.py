@@ -303,3 +303,14 @@ def test_a_bright_square_lights_like_a_lamp(device, tmp_path):
     images = [furcl.render(scene, device=device) for scene in (mesh, decode_scene(document, "q"))]
     assert z_from(*images) < 4.5
     assert z_from(Image(images[0].rgb * np.float32(1.06), images[0].variance), images[1]) > 4.5
+
+
+def test_layers_show_where_a_mesh_is(device, tmp_path):
+    """Means over the middle's pixels, which are 0.09 wide on a ball of radius 2."""
+    scene = alone(ball(tmp_path, 2.0, 96), spp=4)
+    layers = furcl.render(
+        with_overrides(scene, ["film.layers=['depth', 'position']"]), device=device
+    ).layers
+    x, y, z, depth = (layers[name][6:10, 6:10] for name in (*(f"P.{c}" for c in "XYZ"), "Z"))
+    assert (np.abs(np.sqrt(x * x + y * y + z * z) - 2.0) < 0.01).all()
+    assert (np.abs(y + 8.0 - depth) < 1e-4).all()

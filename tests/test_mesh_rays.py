@@ -8,7 +8,10 @@ from kernel_mutants import substitute
 from mesh_shapes import box, nearest, soup, sphere
 from ray_reference import random_directions, random_walks, strands, unit
 
+from furcl.bvh.build import build_bvh
 from furcl.device.layout import NO_SEGMENT, TRIANGLE
+from furcl.device.memory import Memory
+from furcl.groom.curves import Curves
 from furcl.oracle.embree_rays import EmbreeScene
 from furcl.rendering.rays import Rays, Tracer
 from furcl.surface.mesh.read import read_mesh
@@ -186,6 +189,63 @@ def test_hits_are_those_of_embree(device, fibres, rng):
     assert (triangle_of(name) >= 0).mean() > 0.2
     assert ((name < TRIANGLE).mean() > 0.02) == (fibres == "among them")
     assert differ < 1e-3
+
+
+def both_and_each(device, rng, pieces, chunk_segments):
+    """Rays at any times among a groom that moves over so many pieces of time (0: keeps still) and
+    triangles; distances (3, n) and names (3, n) among both, the groom alone, triangles alone."""
+    walks = random_walks(rng, 300, 10, 0.2, 0.01)
+    steps = np.stack([walks.points + np.float32(0.1 * i) for i in range(pieces + 1)])
+    times = np.arange(pieces + 1.0) if pieces else None
+    points = steps if pieces else walks.points
+    curves = Curves.from_arrays(points, walks.radii, walks.offsets, times=times)
+    corners = soup(rng, 300).corners
+    origins, d = rays_at(rng, corners, 6000)
+    moments = rng.uniform(0.0, max(pieces, 1), len(d)).astype(np.float32)
+    found = []
+    for groom, triangles in ((curves, corners), (curves, None), (far_groom(), corners)):
+        tracer = Tracer(device, groom, corners=triangles)
+        if groom is curves:
+            memory = Memory(device)
+            tree = build_bvh(memory, groom, corners=triangles, chunk_segments=chunk_segments)
+            tracer.geometry = tree.arguments()
+        rays = Rays(tracer.memory, origins, d, times=moments)
+        tracer.closest(rays)
+        t, name, _ = tracer.hits(rays)
+        tracer.shadow(rays)
+        assert np.array_equal(tracer.occluded(rays), name != NO_SEGMENT)
+        found.append((t, name))
+    t, name = (np.array(values) for values in zip(*found, strict=True))
+    return t, name
+
+
+@pytest.mark.parametrize("chunk_segments", [1 << 20, 400])
+@pytest.mark.parametrize("pieces", [0, 1, 11])
+def test_both_trees_are_searched_at_every_time(device, pieces, chunk_segments, rng):
+    """The nearer hit of the two, to the bit; 11 pieces have their roots in two blocks."""
+    t, name = both_and_each(device, rng, pieces, chunk_segments)
+    nearer = np.where(t[1] <= t[2], 1, 2)
+    expected_t, expected = (np.take_along_axis(a, nearer[None], axis=0)[0] for a in (t, name))
+    assert np.array_equal(t[0], expected_t)
+    assert np.array_equal(name[0], expected)
+    assert (name[0] < TRIANGLE).mean() > 0.05
+    assert (triangle_of(name[0]) >= 0).mean() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("pattern", "text"),
+    [
+        (r"piece % FURCL_BVH_WIDTH", "0u"),
+        (r"piece / FURCL_BVH_WIDTH", "0u"),
+        (r"tv->next = groom->blocks\[FURCL_BLOCK_ORIGIN\]", "tv->next = FURCL_NO_BLOCK"),
+        (r"tv->top = 2;", "tv->top = 1;"),
+    ],
+)
+def test_a_tree_that_is_not_searched_is_missed(device, monkeypatch, pattern, text):
+    right, _ = both_and_each(device, np.random.default_rng(3), 11, 1 << 20)
+    substitute(monkeypatch, pattern, text, within="tools/trace_rays.cl")
+    wrong, _ = both_and_each(device, np.random.default_rng(3), 11, 1 << 20)
+    assert (wrong[0] > np.minimum(right[1], right[2])).mean() > 0.01
 
 
 @pytest.mark.parametrize(("mesh", "scale"), [("sintel_head.obj", 1.0), ("bunny.ply", 10.0)])

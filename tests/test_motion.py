@@ -55,6 +55,17 @@ def keyed(*keys, shutter=(0.0, 1.0), **table):
     return {**document, "groom": {"one": fibre}, "camera": {"shutter": list(shutter)}}
 
 
+def test_times_that_begin_later_are_seen_from_their_first_on():
+    """Where nothing is said of the shutter; any other time beyond them is refused."""
+    frames = Grooms.of(groom(times=[1001, 1002, 1005]))
+    still = frames.during((0.0, 0.0)).curves
+    assert still.steps is None
+    np.testing.assert_array_equal(still.points, STEPS[0])
+    for span in ((0.0, 1.0), (1.0, 1.0), (0.0, 1002.0)):
+        with pytest.raises(GroomError, match=r"1001 to 1005.*camera\.shutter"):
+            frames.during(span)
+
+
 @pytest.mark.parametrize("suffix", ["flat", "grid"])
 def test_time_steps_survive_files(tmp_path, suffix):
     curves = groom() if suffix == "flat" else groom(

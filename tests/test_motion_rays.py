@@ -8,7 +8,7 @@ from kernel_mutants import substitute
 from ray_reference import brute_force, random_walks, rays_at
 
 from furcl.bvh.build import build_bvh
-from furcl.device.layout import NO_SEGMENT
+from furcl.device.layout import BLOCK_REFERENCES, NO_SEGMENT
 from furcl.device.memory import Memory
 from furcl.groom.curves import Curves
 from furcl.groom.motion import points_at
@@ -82,8 +82,8 @@ def test_chunks_and_a_place_far_away(device, rng):
 
 MUTANTS = {
     "the second step of a piece is forgotten": (r"to - from, from\)", "0.0f, from)"),
-    "all pieces have the first one's tree": (r"groom->blocks\[piece_of_time\([^)]*\)\]",
-                                             "groom->blocks[0]"),
+    "all pieces have the first one's tree": (r"FURCL_BLOCK_REFERENCES \+ lane\];\n#endif",
+                                             "FURCL_BLOCK_REFERENCES];\n#endif"),
     "lanes hold their segments at the first step only": (r"#define SEGMENT_ENDS \(.*\)",
                                                          "#define SEGMENT_ENDS 2u"),
 }  # fmt: skip
@@ -108,5 +108,5 @@ def test_memory_is_that_of_the_steps_and_a_tree_for_each_piece(device, rng):
     assert curves.steps is not None
     for step in range(3):
         assert np.array_equal(read.vertices[:, step, :3], curves.steps[step])
-    roots = read.blocks[0, :2]
+    roots = read.blocks[0, BLOCK_REFERENCES:][:2]
     assert roots[0] == 1 < roots[1] < tree.n_blocks

@@ -151,7 +151,7 @@ def test_inside_is_what_is_joined_to_the_origin(name, directions, rng):
 
 MUTANTS = {
     "nothing is left": (
-        "if (first == FURCL_NO_SEGMENT) return", "return",
+        "if (first >= FURCL_TRIANGLE) return", "return",
         ["straight", "tight curls"],
     ),
     "the own segment alone is left": (

@@ -17,11 +17,11 @@ WALK = np.cumsum(RNG.normal(size=(20, 3)), axis=0)
 def here(monkeypatch):
     """Files that are known to be whole are read by this process, which is faster."""
 
-    def extracted(path):
-        said, arrays = usd_stage.extract(str(path))
+    def extracted(path, what="curves"):
+        said, arrays = usd_stage.extract(str(path), what)
         return said, {name: array.copy() for name, array in arrays.items()}
 
-    monkeypatch.setattr(usd, "_extracted", extracted)
+    monkeypatch.setattr(usd, "extracted", extracted)
 
 
 def listed(values):
@@ -137,12 +137,87 @@ def test_several_prims(here, tmp_path):
     assert curves.units == Units(0.1, "z")
 
 
-def test_the_first_of_values_in_time(here, tmp_path):
-    first = f"point3f[] points.timeSamples = {{3: {listed(WALK)}, 9: {listed(9 * WALK)}}}"
-    text = prim().replace(f"point3f[] points = {listed(WALK)}", first)
+def in_time(name, samples):
+    """A prim of linear curves whose points change with time."""
+    points = ", ".join(f"{time}: {listed(points)}" for time, points in samples.items())
+    still = f"point3f[] points = {listed(WALK)}"
+    return prim(name).replace(still, f"point3f[] points.timeSamples = {{{points}}}")
+
+
+def turning(text, degrees):
+    """A prim below one that turns about z from time 0 to time 1, as it is 1 along x from there."""
+    return (
+        'def Xform "x"\n{\n    float xformOp:rotateZ.timeSamples = '
+        f"{{0: 0, 1: {degrees}}}\n    double3 xformOp:translate = (1, 0, 0)\n"
+        '    uniform token[] xformOpOrder = ["xformOp:rotateZ", "xformOp:translate"]\n'
+        + text
+        + "}\n"
+    )
+
+
+def test_points_in_time(here, tmp_path):
+    """Prims have times of their own: between they go straight, before and after they keep still."""
+    text = in_time("a", {3: WALK, 9: 9 * WALK}) + in_time("b", {5: WALK, 7: -WALK}) + prim("c")
     curves = load_curves(written(tmp_path, text))
-    np.testing.assert_array_equal(curves.points, WALK.astype(np.float32))
+    assert curves.times == (3.0, 5.0, 7.0, 9.0)
+    assert curves.steps is not None
+    a, b, c = np.split(curves.steps, 3, axis=1)
+    part = np.array([0.0, 1 / 3, 2 / 3, 1.0])[:, None, None]
+    np.testing.assert_allclose(a, WALK * (1 + 8 * part), rtol=1e-5)
+    np.testing.assert_allclose(b, WALK * np.array([1, 1, -1, -1])[:, None, None], rtol=1e-6)
+    np.testing.assert_allclose(c, np.broadcast_to(WALK, c.shape), rtol=1e-6)
     assert curves.units == Units(None, "y")
+
+
+def test_transformations_in_time(here, tmp_path):
+    """Turns are followed in steps of at most 4 degrees."""
+    curves = load_curves(written(tmp_path, turning(prim(), 90)))
+    assert curves.steps is not None
+    np.testing.assert_allclose(curves.times, np.linspace(0.0, 1.0, 24), atol=1e-12)
+    angle = np.radians(90 * np.array(curves.times))[:, None]
+    x, y = WALK[:, 0] + 1.0, WALK[:, 1]
+    np.testing.assert_allclose(
+        curves.steps[:, :, 0], x * np.cos(angle) - y * np.sin(angle), atol=1e-5
+    )
+    np.testing.assert_allclose(
+        curves.steps[:, :, 1], x * np.sin(angle) + y * np.cos(angle), atol=1e-5
+    )
+
+
+def test_cubic_curves_in_time_keep_the_tolerance(here, tmp_path):
+    """Straight at first and bent later: the polyline has the points that it needs then."""
+    straight = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
+    bent = straight + np.array([[0, 0, 0], [0, 3, 0], [0, -3, 0], [0, 0, 0]])
+    cubic = {"kind": "cubic", "counts": (4,), "points": straight}
+    still = prim(**cubic)
+    alone = load_curves(written(tmp_path, prim(**cubic | {"points": bent})))
+    text = still.replace(
+        f"points = {listed(straight)}",
+        f"points.timeSamples = {{0: {listed(straight)}, 1: {listed(bent)}}}",
+    )
+    curves = load_curves(written(tmp_path, text))
+    assert load_curves(written(tmp_path, still)).n_points == 2
+    assert curves.steps is not None
+    assert curves.n_points >= alone.n_points > 8
+    assert not curves.steps[0][:, 1].any()
+    assert np.ptp(curves.steps[1][:, 1]) > 1.5
+
+
+def test_points_that_change_in_number_keep_still(here, tmp_path, caplog):
+    curves = load_curves(written(tmp_path, in_time("a", {3: WALK, 9: WALK[:10]})))
+    assert curves.steps is None
+    np.testing.assert_array_equal(curves.points, WALK.astype(np.float32))
+    assert "change in number with time" in caplog.text
+
+
+@pytest.mark.parametrize("suffix", [".usda", ".usd"])
+def test_round_trip_in_time(here, tmp_path, suffix):
+    steps = RNG.normal(size=(3, 9, 3)).astype(np.float32)
+    curves = Curves.from_arrays(steps, 0.1, [0, 3, 9], times=[1001.0, 1002.5, 1004.0])
+    save_curves(curves, tmp_path / f"a{suffix}")
+    found = load_curves(tmp_path / f"a{suffix}")
+    assert found.times == curves.times
+    np.testing.assert_array_equal(found.steps, steps)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import traceback
 from pathlib import Path
 
 import faults
-from faults.case import Case
+from faults.case import Case, NotHereError
 
 LONGEST = 240
 
@@ -23,11 +23,13 @@ def topics() -> dict[str, list[Case]]:
     return {n: module.CASES for n, module in modules.items() if hasattr(module, "CASES")}
 
 
-def outcome(case: Case, quick: bool) -> tuple[str, bool]:
-    """What happened, in one line, and whether it is right."""
+def outcome(case: Case, quick: bool) -> tuple[str, bool | None]:
+    """What happened, in one line, and whether it is right; None: it cannot be tried here."""
     with tempfile.TemporaryDirectory(prefix="furcl-fault-") as folder:
         try:
             return case.run(Path(folder), quick).replace(folder, "DIR")[:LONGEST], True
+        except NotHereError as error:
+            return str(error), None
         except AssertionError as error:
             lines = str(error).strip().splitlines() or ["an assertion fails"]
         except Exception as error:
@@ -57,13 +59,14 @@ def main() -> int:
     given = parser.parse_args()
     chosen = _chosen(given.words)
     print("| topic | case | what happens | verdict |\n|---|---|---|---|")
-    wrong = 0
+    wrong = left_out = 0
     for topic, case in chosen:
         said, right = outcome(case, given.quick)
-        wrong += not right
-        verdict = "ok" if right else "**WRONG**"
+        wrong += right is False
+        left_out += right is None
+        verdict = {True: "ok", False: "**WRONG**", None: "not tried"}[right]
         print(f"| {topic} | {case.name} | {said.replace('|', '/')} | {verdict} |", flush=True)
-    print(f"\n{len(chosen)} cases, {wrong} wrong", file=sys.stderr)
+    print(f"\n{len(chosen)} cases, {wrong} wrong, {left_out} not tried", file=sys.stderr)
     return 1 if wrong or not chosen else 0
 
 

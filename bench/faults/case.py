@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
+class NotHereError(Exception):
+    """What a case needs is not on this machine."""
+
+
 @dataclass(frozen=True)
 class Case:
     """A fault that furcl must not have.
@@ -13,7 +17,8 @@ class Case:
     ----------
     name : str          what is done
     run : callable      takes an empty folder and whether to be quick; returns one line of what
-                        happened, raises AssertionError where that is wrong
+                        happened, raises AssertionError where that is wrong and NotHereError where
+                        the case cannot be tried
     """
 
     name: str

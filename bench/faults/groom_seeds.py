@@ -151,11 +151,11 @@ def read(kind: str, path: Path) -> None:
     from furcl.groom.formats import load_curves, usd
 
     if kind.startswith("usd"):
-        usd._extracted = _by_fork
+        usd.extracted = _by_fork
     load_curves(path, **SEEDS[kind][2])
 
 
-def _by_fork(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _by_fork(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """As furcl.groom.formats.usd reads a file, but by a fork of this process, which has loaded
     usd-core and never used it: that is a hundred times faster than another process."""
     import resource
@@ -176,7 +176,7 @@ def _by_fork(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
             limit_memory(usd.MEMORY_FACTOR * path.stat().st_size + usd.SLACK_BYTES)
             resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
             with os.fdopen(os.dup(file), "wb") as shared:
-                usd_stage.write_result(str(path), shared)
+                usd_stage.write_result(str(path), shared, what)
             code = 0
         finally:
             os._exit(code)

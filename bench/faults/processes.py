@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faults.case import Case
+from faults.case import Case, NotHereError
 from faults.harness import FURCL, SMALL, environment, furcl, run, start, told
 from furcl.image.image import Image
 
@@ -59,7 +59,21 @@ def _bits(folder: Path) -> bytes:
     return Image.load(folder / "a.exr").rgb.tobytes()
 
 
+def _require_pocl() -> None:
+    """Of PoCL's needs other runtimes have none: a linker, and a cache of its own."""
+    said = furcl("devices").out
+    if "Portable Computing Language" not in _used(said):
+        raise NotHereError("the device that furcl uses here is none of PoCL's")
+
+
+def _used(said: str) -> str:
+    """Of what `furcl devices` prints, the line of the device that is used."""
+    number = said.rpartition("furcl uses device ")[2].partition(":")[0]
+    return next((line for line in said.splitlines() if line.startswith(f"{number}:")), "")
+
+
 def _pocl_read_only(folder: Path, quick: bool) -> str:
+    _require_pocl()
     env = environment(
         POCL_CACHE_DIR=_read_only(folder, "ro"), FURCL_CACHE_DIR=str(folder / "furcl")
     )
@@ -69,13 +83,19 @@ def _pocl_read_only(folder: Path, quick: bool) -> str:
 
 
 def _home_read_only(folder: Path, quick: bool) -> str:
+    """PoCL needs its cache, others render without one."""
     env = environment(
         HOME=_read_only(folder, "ro"),
         XDG_CACHE_HOME=None,
         POCL_CACHE_DIR=None,
         FURCL_CACHE_DIR=str(folder / "furcl"),
     )
-    return told(_render(folder, env=env, preexec_fn=_obey_rights), 3, "POCL_CACHE_DIR", "ro")
+    ended = _render(folder, env=env, preexec_fn=_obey_rights)
+    try:
+        _require_pocl()
+    except NotHereError:
+        return told(ended, 0)
+    return told(ended, 3, "POCL_CACHE_DIR", "ro")
 
 
 def _furcl_read_only(folder: Path, quick: bool) -> str:
@@ -95,6 +115,7 @@ def _convergence_read_only(folder: Path, quick: bool) -> str:
 
 def _without_linker(folder: Path, quick: bool) -> str:
     """A failure that is over is over: without `ld`, and then with it."""
+    _require_pocl()
     env = _own_caches(folder, PATH="/nonexistent")
     said = told(_render(folder, env=env), 3, "linker ld", "PATH")
     if not quick:
@@ -104,6 +125,7 @@ def _without_linker(folder: Path, quick: bool) -> str:
 
 
 def _empty_environment(folder: Path, quick: bool) -> str:
+    _require_pocl()
     path = os.pathsep.join(p for p in sys.path if p)
     env = {"PYTHONPATH": path, **{k: v for k, v in _own_caches(folder).items() if "CACHE" in k}}
     return told(_render(folder, env=env), 3, "linker ld")
@@ -111,6 +133,7 @@ def _empty_environment(folder: Path, quick: bool) -> str:
 
 def _failure_forgotten(folder: Path, quick: bool) -> str:
     """A cache folder of PoCL that could not be used, and then can."""
+    _require_pocl()
     env = _own_caches(folder, POCL_CACHE_DIR="/proc/nowhere")
     told(_render(folder, env=env), 3, "POCL_CACHE_DIR")
     good = environment(FURCL_CACHE_DIR=str(folder / "furcl"))

@@ -8,7 +8,8 @@ slowed them all.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+import statistics
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,16 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean over n runs with its interval; low and high are NaN for a single run."""
+    """A mean over n runs with its interval; low and high are NaN for a single run.
+
+    `median` is that of the runs, which single bright samples do not move; NaN where it is not told.
+    """
 
     mean: float
     low: float
     high: float
     n: int
+    median: float = math.nan
 
     def contains(self, value: float) -> bool:
         """Whether the interval holds a value."""
@@ -33,29 +38,31 @@ class Estimate:
     def widened(self, half: float) -> Estimate:
         """With an independent error of that half width added in squares."""
         below, above = (math.hypot(self.mean - end, half) for end in (self.low, self.high))
-        return Estimate(self.mean, self.mean - below, self.mean + above, self.n)
+        return replace(self, low=self.mean - below, high=self.mean + above)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON, None for NaN."""
-        return {k: None if v != v else v for k, v in asdict(self).items()}
+        """Plain values for JSON, None for NaN; without a median that is not told."""
+        values = {k: None if v != v else v for k, v in asdict(self).items()}
+        return {k: v for k, v in values.items() if k != "median" or v is not None}
 
 
 def mean_interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
-    """Mean of independent values and its t interval."""
+    """Mean of independent values and its t interval, and their median."""
     x = np.asarray(values, np.float64)
-    mean = float(x.mean())
+    mean, median = float(x.mean()), float(statistics.median(x.tolist()))
     if x.size < 2:
-        return Estimate(mean, np.nan, np.nan, int(x.size))
+        return Estimate(mean, np.nan, np.nan, int(x.size), median)
     from scipy.stats import t
 
     half = float(t.ppf(0.5 + 0.5 * confidence, x.size - 1) * x.std(ddof=1) / np.sqrt(x.size))
-    return Estimate(mean, mean - half, mean + half, int(x.size))
+    return Estimate(mean, mean - half, mean + half, int(x.size), median)
 
 
 def ratio_interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:
     """Geometric mean of positive values and the t interval of their logarithms."""
     e = mean_interval(np.log(np.asarray(values, np.float64)), confidence)
-    return Estimate(float(np.exp(e.mean)), float(np.exp(e.low)), float(np.exp(e.high)), e.n)
+    mean, low, high, median = (float(np.exp(x)) for x in (e.mean, e.low, e.high, e.median))
+    return Estimate(mean, low, high, e.n, median)
 
 
 def slope(spp: ArrayLike, error: ArrayLike, confidence: float = CONFIDENCE) -> Estimate:

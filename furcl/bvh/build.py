@@ -1,8 +1,8 @@
-"""The tree over the segments of a groom, as kernels/include/bvh/block.clh reads it."""
+"""The tree over the segments of a groom and the triangles beside it, as
+kernels/include/bvh/block.clh reads it."""
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass
 
@@ -10,8 +10,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from furcl.bvh.chunk import ChunkBuilder
-from furcl.bvh.partition import Partition, top_blocks, top_lanes
+from furcl.bvh.trees import BLOCK_BYTES, TreeBuilder, write_at
 from furcl.device import index_checks
 from furcl.device.layout import BLOCK_WORDS, BVH_STACK_SIZE
 from furcl.device.memory import Memory
@@ -22,12 +21,9 @@ from furcl.groom.curves import Curves
 CHUNK_SEGMENTS = 1 << 20
 
 #: The buffers that `build_bvh` leaves in the memory that it is given.
-BUFFERS = ("bvh", "vertices", "strands")
+BUFFERS = ("bvh", "vertices", "strands", "corners")
 
-BLOCK_BYTES = 4 * BLOCK_WORDS
 _UPLOAD_POINTS = 1 << 18
-#: How much larger than the chunks so far let expect the buffer of a tree of many chunks is made.
-_ROOM = 1.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +55,8 @@ class Bvh:
     vertices : cl.Buffer    positions and radii, see kernels/include/geometry/curve.clh
     point_radii : bool      whether each vertex has a radius of its own
     strands : cl.Buffer     which vertices end a strand, see `strand_ends`
-    n_blocks, n_points, n_strands, n_segments : int
+    corners : cl.Buffer or None     of triangles, see kernels/include/geometry/triangle.clh
+    n_blocks, n_points, n_strands, n_segments, n_triangles : int
     motion : int            pieces of time that the groom moves in, each with a tree; 0: it does not
     stack_size : int        stack entries that a traversal can need
     build_seconds : float   time that the build took, upload of the groom included [s]
@@ -70,10 +67,12 @@ class Bvh:
     vertices: cl.Buffer
     point_radii: bool
     strands: cl.Buffer
+    corners: cl.Buffer | None
     n_blocks: int
     n_points: int
     n_strands: int
     n_segments: int
+    n_triangles: int
     motion: int
     stack_size: int
     build_seconds: float
@@ -81,11 +80,13 @@ class Bvh:
     @property
     def n_bytes(self) -> int:
         """Memory on the device [bytes]."""
-        return self.blocks.size + self.vertices.size + self.strands.size
+        return sum(buffer.size for buffer in self.arguments())
 
     def arguments(self) -> list[cl.Buffer]:
-        """What kernels take as blocks, vertices and strands, in that order."""
-        return [self.blocks, self.vertices, self.strands]
+        """What kernels take as blocks, vertices, strands and, with triangles, corners, in
+        that order."""
+        corners = [] if self.corners is None else [self.corners]
+        return [self.blocks, self.vertices, self.strands, *corners]
 
     def read(self) -> BvhArrays:
         """Copy everything back to the host."""
@@ -111,11 +112,13 @@ def build_bvh(
     memory: Memory,
     curves: Curves,
     point_radii: bool = True,
+    corners: NDArray[np.float32] | None = None,
     *,
     debug: bool = False,
     chunk_segments: int = CHUNK_SEGMENTS,
 ) -> Bvh:
-    """Build the tree of a groom; what is uploaded or made stays in `memory`.
+    """Build the tree of a groom, and of triangles beside it; what is uploaded or made stays in
+    `memory`.
 
     Parameters
     ----------
@@ -123,6 +126,7 @@ def build_bvh(
     curves : Curves             one that moves has a tree for each piece of time between its steps
     point_radii : bool          False stores the radius of the first point for all
                                 (Features.point_radii); a groom that moves has one a vertex
+    corners : (n, 3, 3) float32 or None     of triangles, n > 0, finite; they keep still
     debug : bool                room for what debug builds need: behind the blocks one of no lanes,
                                 where indices outside the tree lead, and records of index checks
     chunk_segments : int        larger grooms are built in 8, 64, ... chunks, of at most about that
@@ -135,50 +139,61 @@ def build_bvh(
     """
     start = time.perf_counter()
     if curves.steps is None:
-        vertices = upload_vertices(memory, "vertices", curves.points, curves.radii, point_radii)
+        vertices = _upload_vertices(memory, curves.points, curves.radii, point_radii)
     else:
         point_radii = True
         vertices = _upload_steps(memory, curves.steps, curves.radii)
     n_chunks = 1
     while n_chunks * chunk_segments < curves.n_segments:
         n_chunks *= 8  # as many as fill the lanes of the blocks above them
-    spare_bytes = BLOCK_BYTES + index_checks.RECORD_BYTES if debug else 0
-    blocks, n_blocks, stack_size = _build_blocks(
-        memory, curves, vertices, point_radii, n_chunks, spare_bytes
+    triangles = None if corners is None else (corners, _upload_corners(memory, corners))
+    builder = TreeBuilder(
+        memory,
+        curves,
+        vertices,
+        point_radii,
+        triangles,
+        n_chunks=n_chunks,
+        spare_bytes=BLOCK_BYTES + index_checks.RECORD_BYTES if debug else 0,
     )
-    motion = max(len(curves.times) - 1, 0)
+    stack_size = builder.build()
     if stack_size > BVH_STACK_SIZE:
         raise BvhError(
-            f"the tree of {curves.n_segments} segments needs a stack of {stack_size} entries, "
-            f"kernels have {BVH_STACK_SIZE}; the groom is extremely uneven: split it"
+            f"the tree of {curves.n_segments} segments and {builder.n_triangles} triangles needs a "
+            f"stack of {stack_size} entries, kernels have {BVH_STACK_SIZE}; one of the two is "
+            f"extremely uneven: split the groom, or remesh"
         )
     return Bvh(
         memory=memory,
-        blocks=blocks,
+        blocks=builder.blocks,
         vertices=vertices,
         point_radii=point_radii,
         strands=index_checks.upload(memory, "strands", strand_ends(curves), debug),
-        n_blocks=n_blocks,
+        corners=triangles and triangles[1],
+        n_blocks=builder.end,
         n_points=curves.n_points,
         n_strands=curves.n_strands,
         n_segments=curves.n_segments,
-        motion=motion,
+        n_triangles=builder.n_triangles,
+        motion=builder.motion,
         stack_size=stack_size,
         build_seconds=time.perf_counter() - start,
     )
 
 
-def no_geometry(memory: Memory) -> list[cl.Buffer]:
+def no_geometry(memory: Memory, meshes: bool) -> list[cl.Buffer]:
     """In place of `Bvh.arguments`, for launches over nothing: kernels need every argument."""
-    nothing = memory.upload("no geometry", np.zeros(4, np.uint32))
-    return [nothing, nothing, nothing]
+    return [memory.upload("no geometry", np.zeros(4, np.uint32))] * (4 if meshes else 3)
 
 
-def watch(checks: index_checks.IndexChecks, geometry: list[cl.Buffer], n_vertices: int) -> None:
+def watch(checks: index_checks.IndexChecks, bvh: Bvh) -> None:
     """Watch the indices of a tree: its record is behind the ends of strands."""
-    blocks, _, strands = geometry
-    n_blocks = (blocks.size - index_checks.RECORD_BYTES) // BLOCK_BYTES - 1
-    checks.watch(strands, n_vertices=n_vertices, n_blocks=n_blocks)
+    checks.watch(
+        bvh.strands,
+        n_vertices=bvh.n_points,
+        n_corners=3 * bvh.n_triangles,
+        n_blocks=bvh.n_blocks,
+    )
 
 
 def strand_ends(curves: Curves) -> NDArray[np.uint32]:
@@ -195,28 +210,24 @@ def _offsets(strands: NDArray[np.uint32]) -> NDArray[np.uint32]:
     return np.concatenate([[0], np.flatnonzero(ends) + 1]).astype(np.uint32)
 
 
-def upload_vertices(
-    memory: Memory,
-    name: str,
-    points: NDArray[np.float32],
-    radii: NDArray[np.float32],
-    point_radii: bool,
+def _upload_vertices(
+    memory: Memory, points: NDArray[np.float32], radii: NDArray[np.float32], point_radii: bool
 ) -> cl.Buffer:
     """What kernels/include/geometry/curve.clh reads of points (n, 3) and radii (n,), copied a part
     at a time."""
     n, width = len(points), 4 if point_radii else 3
     head = np.zeros(0 if point_radii else 1, np.float32)
     head[:] = radii[0]
-    buffer = memory.allocate(name, 4 * (width * n + 2 * len(head)))
+    buffer = memory.allocate("vertices", 4 * (width * n + 2 * len(head)))
     part = np.empty((min(_UPLOAD_POINTS, n), width), np.float32)
     for begin in range(0, n, _UPLOAD_POINTS):
         end = min(begin + _UPLOAD_POINTS, n)
         part[: end - begin, :3] = points[begin:end]
         if point_radii:
             part[: end - begin, 3] = radii[begin:end]
-        _write(memory, buffer, part[: end - begin], head.nbytes + part.itemsize * width * begin)
+        write_at(memory, buffer, part[: end - begin], head.nbytes + part.itemsize * width * begin)
     if not point_radii:
-        _write(memory, buffer, head, 0)
+        write_at(memory, buffer, head, 0)
     return buffer
 
 
@@ -233,97 +244,17 @@ def _upload_steps(
         packed = np.empty((part.stop - begin, n_steps, 4), np.float32)
         packed[:, :, :3] = steps[:, part].transpose(1, 0, 2)
         packed[:, :, 3] = radii[part, None]
-        _write(memory, buffer, packed, 16 * n_steps * begin)
+        write_at(memory, buffer, packed, 16 * n_steps * begin)
     return buffer
 
 
-def _write(memory: Memory, buffer: cl.Buffer, array: NDArray, offset: int) -> None:
-    """Copy an array to a place [bytes] in a buffer and wait."""
-    cl.enqueue_copy(memory.device.queue, buffer, array, dst_offset=offset, is_blocking=True)
-
-
-def _build_blocks(
-    memory: Memory,
-    curves: Curves,
-    vertices: cl.Buffer,
-    point_radii: bool,
-    n_chunks: int,
-    spare_bytes: int,
-) -> tuple[cl.Buffer, int, int]:
-    """Build the tree of each piece of time, or the only one, behind the numbers of their roots;
-    blocks, their number, largest stack size."""
-    motion = max(len(curves.times) - 1, 0)
-    heads = -(-motion // BLOCK_WORDS)  # blocks that the numbers of roots take
-    blocks = memory.allocate("bvh", BLOCK_BYTES * max(heads, 1))  # grows with what is learnt
-    roots, stack_size = np.zeros(heads * BLOCK_WORDS, np.uint32), 0
-    end = heads
-    for piece in range(max(motion, 1)):
-        roots[piece : piece + 1] = end
-        still = curves
-        if curves.steps is not None:
-            still = curves.with_steps([curves.steps[piece]], curves.times[piece : piece + 1])
-        blocks, end, stack = _build_piece(
-            memory, still, vertices, point_radii, n_chunks, spare_bytes, blocks, end, piece, motion
-        )
-        stack_size = max(stack_size, stack)
-    if heads:
-        _write(memory, blocks, roots, 0)
-    return blocks, end, stack_size
-
-
-def _build_piece(
-    memory: Memory,
-    curves: Curves,
-    vertices: cl.Buffer,
-    point_radii: bool,
-    n_chunks: int,
-    spare_bytes: int,
-    blocks: cl.Buffer,
-    first: int,
-    piece: int,
-    motion: int,
-) -> tuple[cl.Buffer, int, int]:
-    """Build chunk after chunk behind the blocks over them, from block `first` on; blocks, where
-    they end, stack size. `curves` is the groom as it is when the piece begins."""
-    if n_chunks == 1:
-        chunks, sizes = [curves.segment_vertices().view(np.uint32)], [curves.n_segments]
-        lanes = []
-    else:
-        chunks = Partition(curves, n_chunks)
-        sizes = chunks.sizes
-        lanes = top_lanes(len(sizes), chunks.stray)
-    lo, hi = curves.bounds()
-    roots, ends = [], [first + len(lanes)]
-    with memory.scratch() as scratch:
-        builder = ChunkBuilder(
-            scratch, vertices, point_radii, float((hi - lo).max()), max(sizes), motion=motion
-        )
-        builder.step = piece
-        for i, segments in enumerate(chunks):
-            roots.append(builder.plan(segments))
-            ends.append(ends[-1] + roots[-1].n_blocks)
-            share = (piece + sum(sizes[: i + 1]) / curves.n_segments) / max(motion, 1)
-            blocks = _with_room(memory, blocks, ends[-1], share, spare_bytes)
-            builder.write(blocks, first_block=ends[-2])
-        memory.device.queue.finish()
-    if not lanes:
-        return blocks, ends[-1], roots[0].stack_size
-    boxes = np.array(
-        [root.box + curves.points[root.first_vertex].astype(np.float64) for root in roots]
-    )
-    stacks = [root.stack_size for root in roots]
-    top, stack_size = top_blocks(lanes, boxes, ends[:-1], stacks, first)
-    _write(memory, blocks, top, BLOCK_BYTES * first)
-    return blocks, ends[-1], stack_size
-
-
-def _with_room(
-    memory: Memory, blocks: cl.Buffer, n_blocks: int, share: float, spare_bytes: int
-) -> cl.Buffer:
-    """A buffer for `n_blocks` blocks, or for the rest too if they are a `share` of the tree."""
-    if blocks.size >= BLOCK_BYTES * n_blocks + spare_bytes:
-        return blocks
-    if share < 1.0:
-        n_blocks = max(n_blocks, math.ceil(_ROOM * n_blocks / share))
-    n_bytes = BLOCK_BYTES * n_blocks + spare_bytes
-    return memory.grow("bvh", blocks, n_bytes, zero=spare_bytes > 0)
+def _upload_corners(memory: Memory, corners: NDArray[np.float32]) -> cl.Buffer:
+    """What kernels/include/geometry/triangle.clh reads of corners (n, 3, 3), copied a part at a
+    time."""
+    buffer = memory.allocate("corners", 48 * len(corners))
+    for begin in range(0, len(corners), _UPLOAD_POINTS):
+        part = corners[begin : begin + _UPLOAD_POINTS]
+        packed = np.zeros((len(part), 3, 4), np.float32)
+        packed[:, :, :3] = part.transpose(0, 2, 1)
+        write_at(memory, buffer, packed, 48 * begin)
+    return buffer

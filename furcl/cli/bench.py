@@ -8,6 +8,7 @@ import typer
 
 from furcl.cli.bench_convergence import convergence
 from furcl.cli.bench_report import report
+from furcl.cli.bench_sampler import sampler
 from furcl.cli.bench_stability import replay, stability
 from furcl.cli.bench_stages import stages, waves
 from furcl.cli.bench_start import start
@@ -55,6 +56,7 @@ app.command()(stages)
 app.command()(waves)
 app.command()(convergence)
 app.command()(variance)
+app.command()(sampler)
 app.command()(stability)
 app.command()(replay)
 app.command()(start)

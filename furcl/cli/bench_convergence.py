@@ -11,6 +11,7 @@ import typer
 from furcl.cli.console import progress_report
 from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
+    METRIC,
     QUICK,
     SAMPLER_FILE,
     SAMPLING,
@@ -52,6 +53,7 @@ def convergence(
     reference_spp: Annotated[
         int, typer.Option(help="Of the reference; 0: 16 times the largest --spp.")
     ] = 0,
+    metric: Annotated[str, METRIC] = "rmse",
     device: DeviceName = None,
     quick: Annotated[bool, QUICK] = False,
     overrides: Overrides = None,
@@ -61,7 +63,7 @@ def convergence(
     from furcl.bench.convergence_plan import QUICK_SPP, SAMPLING, SPP, Plan, quick_scene
     from furcl.bench.convergence_variants import Variant
     from furcl.fibre import samplers
-    from furcl.report.convergence import interval, write_report
+    from furcl.report.convergence import interval, median, write_report
     from furcl.report.convergence_checks import departures
     from furcl.scene.read import load_scene
 
@@ -91,14 +93,16 @@ def convergence(
                 return interrupt.requested
 
             results = bench.run(plan, output, device=device, progress=progress)
-        page = write_report(output)
+        page = write_report(output, metrics=metric.split(","))
+    marked = departures(results)
     for scene in results["scenes"]:
         for found in scene["comparisons"]:
             ratio = found["equal_time"][-1]["rmse_ratio"]
-            typer.echo(
+            typer.secho(
                 f"{scene['name']}: RMSE of {found['variant']} at equal time over that of "
-                f"{found['baseline']}: {interval(ratio)}; efficiency "
-                f"{interval(found['efficiency'])}"
+                f"{found['baseline']}: {interval(ratio)}, median {median(ratio)}; efficiency "
+                f"{interval(found['efficiency'])}",
+                fg=typer.colors.RED if (scene["name"], found["variant"]) in marked else None,
             )
         if scene["unresolved"]:
             log.warning(
@@ -106,7 +110,7 @@ def convergence(
                 scene["name"],
                 ", ".join(scene["unresolved"]),
             )
-    for (name, rendered), said in departures(results).items():
+    for (name, rendered), said in marked.items():
         text = f"{name}: {rendered} makes another picture: {'; '.join(said)}"
         typer.secho(text, fg=typer.colors.RED, err=True)
     log.info("wrote %s, results.json and results.csv", page)

@@ -7,11 +7,18 @@ from typing import Annotated
 
 import typer
 
+from furcl.cli.options import METRIC
+
 
 def report(
     folders: Annotated[
         list[Path], typer.Argument(help="Folders of results; those inside are found.")
     ],
+    metric: Annotated[str, METRIC] = "rmse",
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this one in figures and table for papers; may be repeated."),
+    ] = None,
 ) -> None:
     """Make the pages and plots of convergence and stability anew from their results.json.
 
@@ -20,5 +27,5 @@ def report(
     from furcl.report.pages import write_pages
 
     for folder in folders:
-        for page in write_pages(folder):
+        for page in write_pages(folder, metrics=metric.split(","), scenes=scene or ()):
             typer.echo(page)

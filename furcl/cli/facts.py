@@ -279,10 +279,10 @@ def _medulla(profiles: MedullaProfiles | None) -> str:
 
 
 def _memory(memory: Memory) -> dict[str, str]:
-    from furcl.bvh import build, triangles
+    from furcl.bvh.build import BUFFERS
 
     groups = {
-        "geometry": (*build.BUFFERS, *triangles.BUFFERS, "mesh shading"),
+        "geometry": (*BUFFERS, "mesh shading"),
         "material": ("material",),
         "film": ("film", "film samples", "nonfinite", "layers"),
     }

@@ -110,14 +110,19 @@ def compare(
 ) -> None:
     """RMSE, relMSE, FLIP and largest difference of two images."""
     from furcl.image.compare import compare as distances
+    from furcl.image.denoise import refuse_denoised
     from furcl.image.image import Image
 
-    found = distances(Image.load(image), Image.load(reference))
+    pictures = [Image.load(path) for path in (image, reference)]
+    refuse_denoised(pictures[1], str(reference), "give a render as the reference")
+    found = distances(*pictures)
     at_most = found.get("z", {}).pop("at_most", False)
     for name, value in found.items():
         parts = value if isinstance(value, dict) else {"": value}
         text = ", ".join(f"{key} {_number(part)}".strip() for key, part in parts.items())
         typer.echo(f"{name:<10} {text}")
+    if "denoised" in pictures[0].stats:
+        typer.echo(f"{image}: is denoised: its error says nothing of samples")
     if at_most:
         typer.echo(
             'z: of sequence "sobol" a picture knows an upper bound of its variance, so mean, rms '

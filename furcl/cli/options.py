@@ -76,6 +76,9 @@ SIZE = typer.Option("--size", help="Film size, WIDTHxHEIGHT.")
 SPP = typer.Option("--spp", min=1, help="Samples per pixel; of a benchmark, in each round.")
 SEED = typer.Option("--seed", help="All random numbers follow from it.")
 ROUNDS = typer.Option("--rounds", min=1, help="Times that each is measured.")
+METRIC = typer.Option(
+    help="What figures show: rmse, relmse or flip, or several, A,B; the page the first."
+)
 QUICK = typer.Option("--quick", help="Small and few, to try the command.")
 VARIANT = typer.Option(help="One to compare: 'NAME: KEY=VALUE ...', keys of [render] and [film].")
 SAMPLING = typer.Option(help="The short form: names of samplers, A,B,C, each a variant.")

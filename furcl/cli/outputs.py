@@ -33,16 +33,18 @@ class Outputs:
     partial : tuple of Path         the same, of a render that stopped before all pixels had samples
     checkpoint : Path               what the render goes on from, where it is stopped
     stats : Path or None
+    denoised : tuple of Path        a denoised picture and its preview, where one is asked for
     """
 
     pictures: tuple[Path, ...]
     partial: tuple[Path, ...]
     checkpoint: Path
     stats: Path | None
+    denoised: tuple[Path, ...] = ()
 
     @staticmethod
-    def of(output: Path, stats: Path | None) -> Outputs:
-        """The files of `--output` and `--stats`."""
+    def of(output: Path, stats: Path | None, *, denoise: bool = False) -> Outputs:
+        """The files of `--output`, `--stats` and `--denoise`."""
         if output.suffix.lower() not in SUFFIXES:
             raise typer.BadParameter(f"{output}: the name must end with .exr or .png")
         pictures = tuple(dict.fromkeys((output, output.with_suffix(".png"))))
@@ -51,6 +53,7 @@ class Outputs:
             tuple(path.with_suffix(f".partial{path.suffix}") for path in pictures),
             output.with_suffix(".checkpoint"),
             stats,
+            tuple(path.with_suffix(f".denoised{path.suffix}") for path in pictures if denoise),
         )
 
     def check(self, inputs: Iterable[Path]) -> None:
@@ -61,7 +64,7 @@ class Outputs:
         ------
         ImageError
         """
-        for path in (*self.pictures, *self.partial, self.checkpoint, self.stats):
+        for path in self._all():
             if path:
                 check_writable(path, ImageError)
         if self.stats and _real(self.stats) in map(_real, (*self.pictures, self.checkpoint)):
@@ -74,9 +77,12 @@ class Outputs:
     def check_apart(self, inputs: Iterable[Path]) -> None:
         """Refuse results in place of files that the render reads; ImageError."""
         read = {_real(path) for path in inputs}
-        for path in (*self.pictures, *self.partial, self.checkpoint, self.stats):
+        for path in self._all():
             if path and _real(path) in read:
                 raise ImageError(f"{path}: is a file that the render reads; give another name")
+
+    def _all(self) -> tuple[Path | None, ...]:
+        return (*self.pictures, *self.partial, *self.denoised, self.checkpoint, self.stats)
 
     def write(self, image: Image) -> None:
         """Write pictures and statistics. An older picture stays where this one has pixels without
@@ -88,6 +94,13 @@ class Outputs:
         if self.stats:
             with atomic_path(self.stats) as temporary:
                 temporary.write_text(json.dumps(image.stats, indent=2) + "\n", encoding="utf-8")
+        if self.denoised and not empty:
+            from furcl.image.denoise import denoised
+
+            preview = denoised(image)
+            for path in self.denoised:
+                preview.save(path)
+            paths += self.denoised
         log.info("wrote %s", ", ".join(map(str, paths)))
         if empty:
             log.warning(

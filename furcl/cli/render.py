@@ -97,6 +97,10 @@ def render(
         float | None,
         typer.Option(help="Degrees by which the camera goes around the groom in all frames."),
     ] = None,
+    denoise: Annotated[
+        bool,
+        typer.Option("--denoise", help="Write OUT.denoised.exr as well: biased, for previews."),
+    ] = False,
     material: Material = None,
     up: UpAxis = None,
     overrides: Overrides = None,
@@ -121,7 +125,9 @@ def render(
                 "--resume": resume, "--target-rmse": target_rmse, "--target-relmse": target_relmse,
             }
         )  # fmt: skip
-    outputs = Outputs.of(output, stats)
+    outputs = Outputs.of(output, stats, denoise=denoise)
+    if denoise:
+        check_denoise(frames)
     outputs.check([find_scene(scene), *([sampler] if sampler else [])])
     if sampler:
         if sampling:
@@ -138,6 +144,8 @@ def render(
         max_depth=max_depth,
         camera=camera,
     )
+    if denoise:
+        loaded = with_guides(loaded)
     outputs.check_apart(files_of(loaded))
     if frames is not None:
         limits = {"target_rmse": target_rmse, "target_relmse": target_relmse}
@@ -182,6 +190,29 @@ def render(
     tell_what_was_reached(image.stats, end - first)
     if interrupt.requested:
         raise interrupt.exit()
+
+
+def check_denoise(frames: str | None) -> None:
+    """Refuse, before a render, a preview that could not be made after it."""
+    from importlib.util import find_spec
+
+    from furcl.errors import ImageError
+    from furcl.image.denoise import NEEDED
+
+    if frames is not None:
+        raise typer.BadParameter("--denoise and --frames: denoise the frames by furcl denoise")
+    if find_spec("pyoidn") is None:
+        raise ImageError(NEEDED)
+
+
+def with_guides(scene: Scene) -> Scene:
+    """A scene whose picture has the layers that guide the denoiser."""
+    from msgspec.structs import replace
+
+    from furcl.image.denoise import LAYERS
+
+    wanted = tuple(dict.fromkeys((*scene.film.layers, *LAYERS)))
+    return replace(scene, film=replace(scene.film, layers=wanted))
 
 
 def _of_groom(bare: bool, material: str | None, up: str | None) -> list[str]:

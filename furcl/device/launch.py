@@ -36,6 +36,15 @@ def grid(n: int, per_item: int = 1, local: int = LOCAL_SIZE) -> Size:
     return (max(groups, 1) * local,), (local,)
 
 
+def probe_grid(device: Device, n: int) -> Size:
+    """Global and local size of a launch of the kernels of tools/probe.cl over `n` things.
+
+    On CPUs groups are of one, as those of the stages: Intel's compiler makes vectors of larger
+    ones and gets some of these kernels wrong (2026.22; tests/test_near_field.py sees it).
+    """
+    return grid(n, local=1 if device.is_cpu else LOCAL_SIZE)
+
+
 def path_defines(device: Device) -> dict[str, int]:
     """What the stages over queues of paths are built with, for a device."""
     per_item, _ = _PATHS_CPU if device.is_cpu else _PATHS_GPU

@@ -65,7 +65,7 @@ COUNT_NEXT, COUNT_MISSES, COUNT_SHADOWS, COUNT_HITS = range(4)
 
 # The record of index checks, in words behind a buffer's contents (furcl/device/index_checks.py).
 CHECK_FAILURES, CHECK_LINE, CHECK_INDEX, CHECK_SIZE = range(4)
-CHECK_N_VERTICES, CHECK_N_BLOCKS, CHECK_N_FILM, CHECK_FILE = range(4, 8)
+CHECK_N_VERTICES, CHECK_N_CORNERS, CHECK_N_BLOCKS, CHECK_N_FILM, CHECK_FILE = range(4, 9)
 CHECK_WORDS = 24
 
 # Slots of the path state whose planes lie together: a cache line of each.
@@ -77,6 +77,7 @@ BVH_STACK_SIZE = 128
 BLOCK_ORIGIN, BLOCK_UNIT, BLOCK_STEP, BLOCK_ROWS = 0, 3, 4, 8
 BLOCK_LANES, BLOCK_REFERENCES, BLOCK_WORDS = 22, 24, 32
 BLOCK_BOXES = 0x10000
+BLOCK_TRIANGLES = 0x20000
 ROW_RADIUS = 6
 # Room, in steps of a block's grid, between a box and its faces on the grid.
 GRID_MARGIN = 0.015625
@@ -151,12 +152,14 @@ def _constants() -> dict[str, str]:
         "CHECK_INDEX": CHECK_INDEX,
         "CHECK_SIZE": CHECK_SIZE,
         "CHECK_N_VERTICES": CHECK_N_VERTICES,
+        "CHECK_N_CORNERS": CHECK_N_CORNERS,
         "CHECK_N_BLOCKS": CHECK_N_BLOCKS,
         "CHECK_N_FILM": CHECK_N_FILM,
         "CHECK_FILE": CHECK_FILE,
         "CHECK_FILE_BYTES": 4 * (CHECK_WORDS - CHECK_FILE),
         "STATE_BLOCK": STATE_BLOCK,
         "BLOCK_BOXES": BLOCK_BOXES,
+        "BLOCK_TRIANGLES": BLOCK_TRIANGLES,
         "PILOT_SAMPLES": PILOT_SAMPLES,
         "PILOT_GROWTH": PILOT_GROWTH,
         "HELD_CAMERA": HELD_CAMERA,

@@ -10,6 +10,7 @@ either. tests/test_flatten.py measures it.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -139,35 +140,34 @@ class Places:
             return found.astype(np.float32)
 
 
-def places(spans: Spans, points: Array, radii: Array) -> Places:
-    """Where points must be for polylines that keep the tolerance.
+def places(spans: Spans, steps: Sequence[Array], radii: Array) -> Places:
+    """Where points must be for polylines that keep the tolerance, at every step of time.
 
     Parameters
     ----------
-    points : (n, 4, 3)      Bezier coefficients of the spans
-    radii : (n, 4)          those of the radii
+    steps : arrays (n, 4, 3)    Bezier coefficients of the spans, of curves that keep still one
+    radii : (n, 4)              those of the radii
     """
-    tolerance = _tolerances(spans, points, radii)
-    span = np.arange(len(points))
+    tolerance = _tolerances(spans, steps[0], radii)
+    span = np.arange(len(radii))
     at = np.zeros(len(span), np.int64)  # where a part begins, in units of 2^-MAX_DEPTH of its span
-    part = np.concatenate([points, radii[:, :, None]], axis=2)
+    parts = [np.concatenate([points, radii[:, :, None]], axis=2) for points in steps]
     found_span, found_at = [], []
     for depth in range(MAX_DEPTH + 1):
         with np.errstate(invalid="ignore", over="ignore"):
             # What is not finite is not cut: it is refused with the other points.
-            bent = _distance(part) > tolerance[span]
+            bent = np.maximum.reduce([_distance(part) for part in parts]) > tolerance[span]
         if depth == MAX_DEPTH:
             bent[:] = False
         found_span.append(span[~bent])
         found_at.append(at[~bent])
-        span, at, part = span[bent], at[bent], part[bent]
+        span, at = span[bent], at[bent]
         if not len(span):
             break
-        left, right = _halves(part)
+        parts = [np.concatenate(_halves(part[bent])) for part in parts]
         half = 1 << (MAX_DEPTH - depth - 1)
         span = np.concatenate([span, span])
         at = np.concatenate([at, at + half])
-        part = np.concatenate([left, right])
     span, at = np.concatenate(found_span), np.concatenate(found_at)
     order = np.lexsort((at, span))
     span, t = span[order], at[order] / (1 << MAX_DEPTH)
@@ -194,7 +194,7 @@ def flattened(strands: Strands, basis: str) -> Strands:
     radii = np.broadcast_to(radii.reshape(-1) if radii.ndim else radii, len(points))
     spans = Spans(offsets, basis, source=strands.source)
     bezier_points, bezier_radii = spans.bezier(points), spans.bezier(radii)
-    found = places(spans, bezier_points, bezier_radii)
+    found = places(spans, [bezier_points], bezier_radii)
     n_strands = len(offsets) - 1
     attributes = {}
     for name, array in strands.attributes.items():

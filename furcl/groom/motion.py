@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,11 @@ if TYPE_CHECKING:
 
 Span = tuple[float, float]
 """When the shutter opens and closes; the same twice: no time passes."""
+
+#: The shutter of a camera of which nothing else is said: a still picture of time 0.
+NOT_SAID: Span = (0.0, 0.0)
+
+log = logging.getLogger(__name__)
 
 #: Points of strands are on the device for so many time steps at most, ends of the shutter included.
 MOST_STEPS = 65
@@ -100,12 +106,22 @@ def during(curves: Curves, span: Span, source: str = "curves") -> Curves:
     """A groom for as long as a shutter is open: with time steps where that opens and closes, or
     still, as it is then, where no time passes.
 
+    NOT_SAID, where its times do not begin before that, sees it as it is at its first time: those
+    of animations are often numbers of frames.
+
     Raises
     ------
     GroomError      a span beyond the groom's times
     """
     if curves.steps is None:
         return curves
+    if span == NOT_SAID and curves.times[0] > 0.0:
+        log.info(
+            "%s: as it is at time %g, its first; camera.shutter says another",
+            source,
+            curves.times[0],
+        )
+        span = (curves.times[0], curves.times[0])
     check_within(span, curves.times, source)
     times = times_within(curves.times, span)
     if tuple(times) == curves.times:

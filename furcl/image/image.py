@@ -25,7 +25,7 @@ SUFFIXES = (".exr", ".png")
 # `furcl:stats`.
 HEADER_KEYS = (
     "version", "git", "scene", "seed", "spp", "sampling", "sequence", "device", "driver",
-    "features",
+    "features", "denoised",
 )  # fmt: skip
 STATS_ATTRIBUTE = "furcl:stats"
 EXPOSURE_ATTRIBUTE = "furcl:exposure_stops"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from furcl.errors import ImageError
+from furcl.image.denoise import refuse_denoised
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.image.moments import MergeTree, Moments
@@ -47,6 +48,7 @@ def merged(images: Iterable[Image], names: Sequence[str] | None = None) -> Image
     if len(found) < 2:
         raise ImageError(f"{len(found)} picture to merge; give two or more")
     for image, name in zip(found, called, strict=True):
+        refuse_denoised(image, name, "merge the renders, then denoise the whole")
         _check_together(found[0], called[0], image, name)
     parts = [_parts(image, name) for image, name in zip(found, called, strict=True)]
     _check_apart(parts, called)

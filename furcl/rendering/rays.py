@@ -7,7 +7,6 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from furcl.bvh.build import build_bvh
-from furcl.bvh.triangles import build_triangle_bvh
 from furcl.device import program
 from furcl.device.choice import Device
 from furcl.device.features import Features
@@ -66,8 +65,7 @@ class Tracer:
 
     Attributes
     ----------
-    bvh : Bvh               the tree of the groom, built here
-    mesh_bvh : TriangleBvh or None      that of the triangles
+    bvh : Bvh               the tree, built here
 
     Raises
     ------
@@ -85,15 +83,10 @@ class Tracer:
     ) -> None:
         self.device = device
         self.memory = Memory(device)
-        self.bvh = build_bvh(self.memory, curves, point_radii)
-        point_radii = self.bvh.point_radii
+        self.bvh = build_bvh(self.memory, curves, point_radii, corners)
         self.geometry = self.bvh.arguments()
-        self.mesh_bvh = None
-        if corners is not None:
-            self.mesh_bvh = build_triangle_bvh(self.memory, corners, point_radii)
-            self.geometry = [*self.geometry, *self.mesh_bvh.arguments()]
         features = Features(
-            point_radii=point_radii,
+            point_radii=self.bvh.point_radii,
             motion=self.bvh.motion,
             meshes=None if corners is None else MeshPart(normals=False),
         )

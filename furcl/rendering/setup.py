@@ -15,7 +15,6 @@ import pyopencl as cl
 
 from furcl.bvh import embree
 from furcl.bvh.build import Bvh, build_bvh
-from furcl.bvh.triangles import TriangleBvh, build_triangle_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
@@ -134,19 +133,16 @@ def set_up(
     def point_radii(groom: Curves) -> bool:
         return not (specialised and groom.one_radius) or groom.steps is not None
 
-    def build_trees(grooms: Future[Grooms]) -> tuple[Bvh, TriangleBvh | None]:
+    def build_tree(grooms: Future[Grooms]) -> Bvh:
         grown = grooms.result().curves
-        radii = point_radii(grown)
         with timed("bvh"):
-            tree = build_bvh(memory, grown, radii, debug=features.debug)
-            if meshes is None:
-                return tree, None
-            return tree, build_triangle_bvh(memory, meshes.corners(), radii, debug=features.debug)
+            corners = None if meshes is None else meshes.corners()
+            return build_bvh(memory, grown, point_radii(grown), corners, debug=features.debug)
 
     # Of the groom tables need nothing, and kernels its kind of radii but not the tree.
     with ThreadPoolExecutor(1) as beside:
         taken = beside.submit(take_grooms)
-        trees = beside.submit(build_trees, taken)
+        tree = beside.submit(build_tree, taken)
         embree.load()
         if taken.done():
             taken.result()  # a file that cannot be used says so before tables are made
@@ -192,8 +188,7 @@ def set_up(
                 )
         if film.layers:
             film.layers.place(grooms, _surfaces(scene, features), scene.placed_lamps())
-        built, mesh_tree = trees.result()
-        wavefront.place(built.arguments(), grooms.material_starts(len(materials)), mesh_tree)
+        wavefront.place(tree.result(), grooms.material_starts(len(materials)))
     return Setup(
         memory,
         features,
@@ -203,7 +198,7 @@ def set_up(
         wavefront,
         learning,
         size,
-        built.n_segments,
+        tree.result().n_segments,
         grown.times,
         lights.n_negative,
         timed.seconds,

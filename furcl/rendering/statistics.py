@@ -6,7 +6,6 @@ import dataclasses
 import resource
 from typing import TYPE_CHECKING, Any
 
-from furcl.bvh import triangles
 from furcl.bvh.build import BUFFERS
 from furcl.rendering.specialise import left_out
 from furcl.version import software
@@ -55,7 +54,7 @@ def statistics(renderer: Renderer) -> dict[str, Any]:
         "bytes": {
             "host_peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
             "device_peak": renderer.memory.peak_bytes,
-            "bvh": sum(map(renderer.memory.held, (*BUFFERS, *triangles.BUFFERS))),
+            "bvh": sum(map(renderer.memory.held, BUFFERS)),
             "tables": renderer.memory.held("material"),
             "absorption": renderer.memory.held("absorption"),
         },

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pyopencl as cl
 
-from furcl.bvh.build import no_geometry, watch
-from furcl.bvh.triangles import TriangleBvh
+from furcl.bvh.build import Bvh, no_geometry, watch
 from furcl.device import layout, program
 from furcl.device.choice import Device
 from furcl.device.features import Features
@@ -205,9 +204,8 @@ class Wavefront:
             memory.allocate(f"queue lengths {name}", 4 * n_counts) for name in ("in", "out")
         )
         self.learning = None if features.learning is None else Buffers(memory, n_slots)
-        self.geometry = no_geometry(memory)
+        self.geometry = no_geometry(memory, features.meshes is not None)
         self._starts = [self.geometry[0]] if features.fibres > 1 else []
-        self.mesh_geometry = [] if features.meshes is None else list(self.geometry)
         self._warm_up()
 
     def look(self, camera: np.ndarray, shutter: np.ndarray) -> None:
@@ -251,35 +249,30 @@ class Wavefront:
                 fibre.stages = of_stages
         return kernels
 
-    def place(
-        self,
-        geometry: list[cl.Buffer],
-        material_starts: Sequence[int] = (),
-        meshes: TriangleBvh | None = None,
-    ) -> None:
-        """Set the trees that rays are sent through.
+    def place(self, bvh: Bvh, material_starts: Sequence[int] = ()) -> None:
+        """Set the tree that rays are sent through.
 
         Parameters
         ----------
-        geometry : list                 what furcl.bvh.build.Bvh.arguments returns
+        bvh : Bvh                       with triangles where the features have meshes
         material_starts : (m,)          first vertex of the strands of each material
-        meshes : TriangleBvh or None    the tree of the meshes, where the features have some
         """
-        self.geometry = geometry
+        self.geometry = bvh.arguments()
         if self.features.fibres > 1:
             starts = np.array(material_starts[1:], np.uint32)
             self._starts = [self.memory.upload("material starts", starts)]
         if self.features.debug:
-            watch(self.checks, geometry, self.n_vertices)
-        if meshes:
-            self.mesh_geometry = meshes.arguments()
-            if self.features.debug:
-                watch(self.checks, self.mesh_geometry, 3 * meshes.n_triangles)
+            watch(self.checks, bvh)
 
     @property
     def vertices(self) -> cl.Buffer:
         """The groom's vertices."""
         return self.geometry[1]
+
+    @property
+    def _corners(self) -> list[cl.Buffer]:
+        """The corners of the meshes' triangles, where there are some."""
+        return self.geometry[3:]
 
     def _warm_up(self) -> None:
         """Launch every stage over nothing, in the two grid sizes that runtimes compile for.
@@ -330,9 +323,9 @@ class Wavefront:
             self.active_counts,
             self.counts,
             self.n_slots,
-            *self.geometry,
+            *self.geometry[:3],
             *self._starts,
-            *self.mesh_geometry,
+            *self._corners,
             *self._surface,
             *self._lamps,
         )
@@ -348,10 +341,10 @@ class Wavefront:
                 layers.first_hits,
                 wave,
                 self.camera,
-                *self.geometry,
+                *self.geometry[:3],
                 *layers.first_hit_arguments(),
                 *self._surface,
-                *self.mesh_geometry[1:2],
+                *self._corners,
                 *self._shading,
                 *self._lamps,
                 *([self.film.plan.plan] if self.film.plan else []),
@@ -447,7 +440,7 @@ class Wavefront:
             np.uint32(depth),
             self.light,
             *self._surface,
-            *self.mesh_geometry[1:2],
+            *self._corners,
             *self._shading,
             *self._learned,
         )
@@ -463,7 +456,6 @@ class Wavefront:
                 self.counts,
                 self.n_slots,
                 *self.geometry,
-                *self.mesh_geometry,
                 *self._surface,
                 *self._lamps,
                 *([np.uint32(depth)] if self.features.has_layer("lobes") else []),

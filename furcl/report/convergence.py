@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from furcl.errors import BenchError
 from furcl.files import file_name
+from furcl.image.denoise import refuse_denoised
 from furcl.image.image import Image
 from furcl.report import convergence_plots as plots
 from furcl.report.convergence_checks import departures
+from furcl.report.convergence_figure import write_figures
+from furcl.report.convergence_latex import write_latex
 from furcl.report.convergence_schema import upgraded
 from furcl.report.page import load_results, write_page
 
@@ -19,8 +23,18 @@ CROP_SPP = 256  # as the paper's crops, or the largest number below that was ren
 _MIME = {".svg": "image/svg+xml", ".png": "image/png"}
 
 
-def write_report(folder: str | Path) -> Path:
-    """Write plots/ and index.html beside the results.json of a convergence run.
+def write_report(
+    folder: str | Path, *, metrics: Sequence[str] = ("rmse",), scenes: Sequence[str] = ()
+) -> Path:
+    """Write index.html and plots/ beside the results.json of a convergence run.
+
+    In plots/ are figures and a LaTeX table for papers as well.
+
+    Parameters
+    ----------
+    folder : path
+    metrics : list of str   keys of METRICS: what figures show, the page the first of them
+    scenes : list of str    names of the scenes in figures and table for papers; left out: all
 
     Returns
     -------
@@ -28,12 +42,17 @@ def write_report(folder: str | Path) -> Path:
 
     Raises
     ------
-    BenchError      no results.json, or one of another kind
+    BenchError      no results.json, or one of another kind; a metric or scene that is not there
     """
     folder = Path(folder)
     results = upgraded(load_results(folder, "convergence"))
+    chosen_scenes = _chosen_scenes(results, metrics, scenes)
     (folder / "plots").mkdir(exist_ok=True)
-    figures = {scene["name"]: _draw(scene, folder) for scene in results["scenes"]}
+    figures = {scene["name"]: _draw(scene, folder, metrics[0]) for scene in results["scenes"]}
+    marked = departures(results)
+    if chosen_scenes:
+        write_figures(chosen_scenes, folder / "plots", metrics)
+    write_latex(chosen_scenes, marked, folder / "plots" / "table.tex")
     return write_page(
         folder,
         "convergence.html",
@@ -46,21 +65,43 @@ def write_report(folder: str | Path) -> Path:
             "share": share,
             "chosen": chosen,
             "settings": settings,
+            "median": median,
+            "skewed": skewed,
         },
         results=results,
         figures=figures,
-        marked=departures(results),
+        marked=marked,
     )
 
 
-def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+def _chosen_scenes(
+    results: Mapping[str, Any], metrics: Sequence[str], names: Sequence[str]
+) -> list[Mapping[str, Any]]:
+    """The scenes of some names that have renders; BenchError for what is not there."""
+    for what, asked, there in (
+        ("metric", metrics or [""], list(plots.METRICS)),
+        ("scene", names, [scene["name"] for scene in results["scenes"]]),
+    ):
+        for name in asked:
+            if name not in there:
+                raise BenchError(
+                    f"{what} {name!r}: not in the results; allowed are {', '.join(there)}"
+                )
+    return [
+        scene
+        for scene in results["scenes"]
+        if (scene["name"] in names or not names) and any(v["spp"] for v in scene["variants"])
+    ]
+
+
+def _draw(scene: Mapping[str, Any], folder: Path, metric: str) -> dict[str, Path]:
     """Files of the figures of a scene, by name."""
     drawn, own = {}, file_name(scene["name"])
-    figure = plots.error_over_time(scene)
+    figure = plots.error_over_time(scene, metric)
     for suffix in (".svg", ".png", ".pdf"):
-        path = folder / "plots" / f"{own}-rmse{suffix}"
+        path = folder / "plots" / f"{own}-{metric}{suffix}"
         plots.save(figure, path, dpi=150)
-    drawn["rmse"] = folder / "plots" / f"{own}-rmse.svg"
+    drawn["error"] = folder / "plots" / f"{own}-{metric}.svg"
     reference = folder / "images" / f"{own}-reference.exr"
     counts = [cell["spp"] for cell in scene["variants"][0]["spp"]]
     spp = max((n for n in counts if n <= CROP_SPP), default=max(counts, default=0))
@@ -68,12 +109,19 @@ def _draw(scene: Mapping[str, Any], folder: Path) -> dict[str, Path]:
     for name in _shown(scene):
         path = folder / "images" / f"{own}-{file_name(name)}-{spp}.exr"
         if path.exists():
-            pictures.append((name, Image.load(path)))
+            pictures.append((name, _rendered(path)))
     if reference.exists() and pictures:
-        figure = plots.crops(scene, spp, Image.load(reference), pictures)
+        figure = plots.crops(scene, spp, _rendered(reference), pictures)
         drawn["crops"] = folder / "plots" / f"{own}-crops.png"
         plots.save(figure, drawn["crops"], dpi=130)
     return drawn
+
+
+def _rendered(path: Path) -> Image:
+    """A picture that is not denoised."""
+    image = Image.load(path)
+    refuse_denoised(image, str(path), "run the benchmark again", BenchError)
+    return image
 
 
 def _shown(scene: Mapping[str, Any]) -> list[str]:
@@ -131,6 +179,23 @@ def verdict(estimate: Mapping[str, Any] | None, less_is_better: bool = True) -> 
     if low <= 1.0 <= high:
         return "even"
     return "better" if (high < 1.0) == less_is_better else "worse"
+
+
+def median(estimate: Mapping[str, Any] | None, digits: int = 3) -> str:
+    """The median of the runs; a dash in results that do not tell it."""
+    return number((estimate or {}).get("median"), digits)
+
+
+def skewed(scene: Mapping[str, Any]) -> list[str]:
+    """Variants whose mean RMSE is far above the median of the runs at some number of samples."""
+    return [
+        variant["name"]
+        for variant in scene["variants"]
+        if any(
+            plots.median_of(cell["rmse"]) < plots.MEDIAN_BELOW * cell["rmse"]["mean"]
+            for cell in variant["spp"]
+        )
+    ]
 
 
 def share(value: float) -> str:

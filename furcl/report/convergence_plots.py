@@ -29,10 +29,21 @@ STYLES = (
 )
 #: Fonts of PDF as TrueType (42), which publishers ask for, and letters of SVG as text.
 FOR_PRINT: dict[Any, Any] = {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none"}
+#: Measures of error: what axes call them, and the power of time with which those of independent
+#: samples fall; that of FLIP is not known.
+METRICS: dict[str, tuple[str, float | None]] = {
+    "rmse": ("RMSE", -0.5),
+    "relmse": ("relMSE", -1.0),
+    "flip": ("FLIP", None),
+}
+MEDIAN_BELOW = 0.9
+GUIDE_ABOVE = 1.25
 GROUP_WIDTH = 0.8  # of a number of samples, whose distance is 1
 LOG_BELOW = 0.5  # ratios are on a logarithmic axis where one is smaller
 LINES = ("-", "--", ":", "-.")
-LEGEND_COLUMNS = 5
+PAGE_WIDTH = 9.0  # of a figure of the page [in]
+LETTER = 0.09  # width of a letter of its legend, on average [in]
+LEGEND_HANDLE = 0.55  # the line beside a name, and gaps [in]
 CROP_SHARE = 4  # a crop is a quarter of the picture wide
 ERROR_QUANTILE = 0.99
 MAX_TICKS = 7
@@ -58,46 +69,108 @@ def save(figure: Figure, path: Path, **options: Any) -> None:
         figure.savefig(temporary, format=path.suffix[1:], **options)
 
 
-def error_over_time(scene: Mapping[str, Any]) -> Figure:
-    """RMSE over render time, and the ratio at equal time to the baseline.
+def error_over_time(scene: Mapping[str, Any], metric: str = "rmse") -> Figure:
+    """An error (`METRICS`) over render time, and the ratio of RMSE at equal time to the baseline.
 
     Curves have 95 % bands if there are few.
     """
-    rows = -(-len(scene["variants"]) // LEGEND_COLUMNS)
-    figure = Figure(figsize=(9.0, 3.7 + 0.2 * rows), layout="constrained")
+    names = [variant["name"] for variant in scene["variants"]]
+    columns = legend_columns(names, PAGE_WIDTH, LETTER)
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(PAGE_WIDTH, 3.7 + 0.22 * rows), layout="constrained")
     curves, ratios = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    curves.set(xscale="log", yscale="log", xlabel="render time [s]", ylabel="RMSE")
-    for index, variant in enumerate(scene["variants"]):
-        _draw_curve(curves, variant, style_of(index), band=len(scene["variants"]) <= len(STYLES))
-    for axis in (curves.xaxis, curves.yaxis):
-        _plain_log_ticks(axis)
+    draw_errors(curves, scene, metric)
     curves.set_title(f"{scene['name']}: error over time", loc="left", fontsize=10)
     _draw_ratios(ratios, scene)
     for axes in (curves, ratios):
-        axes.grid(True, which="both", linewidth=0.4, alpha=0.35)
-        axes.spines[["top", "right"]].set_visible(False)
+        _light_grid(axes)
     handles, labels = curves.get_legend_handles_labels()
-    columns = min(len(labels), LEGEND_COLUMNS) or 1
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
     return figure
 
 
+def legend_columns(names: Sequence[str], width: float, letter: float) -> int:
+    """How many names stand beside each other in a width, each letter so wide [in]."""
+    each = LEGEND_HANDLE + letter * max(map(len, names), default=0)
+    return max(1, min(len(names), int(width / each)))
+
+
+def draw_errors(axes: Axes, scene: Mapping[str, Any], metric: str) -> None:
+    """Curves of all variants on logarithmic axes, with a guide of the slope of independent samples.
+
+    A hollow marker is the median of the runs, where it is less than MEDIAN_BELOW of the mean.
+    """
+    label, slope = METRICS[metric]
+    variants = scene["variants"]
+    axes.set(xscale="log", yscale="log", xlabel="render time [s]", ylabel=label)
+    for index, variant in enumerate(variants):
+        _draw_curve(axes, variant, style_of(index), metric, band=len(variants) <= len(STYLES))
+    if slope is not None:
+        _draw_guide(axes, variants, metric, slope)
+    for axis in (axes.xaxis, axes.yaxis):
+        plain_log_ticks(axis)
+    _light_grid(axes)
+
+
+def _light_grid(axes: Axes) -> None:
+    axes.grid(True, which="both", linewidth=0.4, alpha=0.35)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
 def _draw_curve(
-    axes: Axes, variant: Mapping[str, Any], style: Mapping[str, Any], *, band: bool
+    axes: Axes, variant: Mapping[str, Any], style: Mapping[str, Any], metric: str, *, band: bool
 ) -> None:
     cells = variant["spp"]
     if not cells:
         return
     seconds, fast, slow = _ends(cell["seconds"] for cell in cells)
-    rmse, low, high = _ends(cell["rmse"] for cell in cells)
+    error, low, high = _ends(cell[metric] for cell in cells)
+    error[~(error > 0.0)] = np.nan  # below the reference's own: nothing that a logarithm shows
     if band:
-        axes.fill_between(
-            seconds, np.maximum(low, 0.5 * rmse), high, color=style["color"], alpha=0.2, linewidth=0
-        )
+        low = np.maximum(low, 0.5 * error)
+        axes.fill_between(seconds, low, high, color=style["color"], alpha=0.2, linewidth=0)
     axes.errorbar(
-        seconds, rmse, xerr=[seconds - np.maximum(fast, 0.5 * seconds), slow - seconds], **style,
+        seconds, error, xerr=[seconds - np.maximum(fast, 0.5 * seconds), slow - seconds], **style,
         markersize=4, linewidth=1.4, elinewidth=0.8, label=variant["name"],
     )  # fmt: skip
+    median = np.array([median_of(cell[metric]) for cell in cells])
+    apart = median < MEDIAN_BELOW * error
+    axes.plot(
+        seconds[apart], median[apart], **{**style, "linestyle": "none"}, markersize=7,
+        markerfacecolor="none", zorder=5,
+    )  # fmt: skip
+
+
+def _draw_guide(
+    axes: Axes, variants: Sequence[Mapping[str, Any]], metric: str, slope: float
+) -> None:
+    """A dotted line above all curves, from the first to the last of their times."""
+    points = [
+        (cell["seconds"]["mean"], cell[metric]["mean"])
+        for variant in variants
+        for cell in variant["spp"]
+        if cell["seconds"]["mean"] and (cell[metric]["mean"] or 0.0) > 0.0
+    ]
+    if len(points) < 2:
+        return
+    time, error = np.array(points).T
+    ends = np.array([time.min(), time.max()])
+    height = GUIDE_ABOVE * float(np.max(error * (time / ends[0]) ** -slope))
+    axes.plot(ends, height * (ends / ends[0]) ** slope, ":", color="#666666", linewidth=1.0)
+    axes.annotate(
+        f"slope {slope:g}".replace("-", "\N{MINUS SIGN}"),
+        (ends.prod() ** 0.5, height * (ends.prod() ** 0.5 / ends[0]) ** slope),
+        (3, 2),
+        textcoords="offset points",
+        color="#666666",
+        fontsize="small",
+    )
+
+
+def median_of(estimate: Mapping[str, Any]) -> float:
+    """The median of the runs, NaN in results of versions that did not tell it."""
+    found = estimate.get("median")
+    return np.nan if found is None else found
 
 
 def _ends(estimates: Iterable[Mapping[str, Any]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -135,11 +208,11 @@ def _draw_ratios(axes: Axes, scene: Mapping[str, Any]) -> None:
     found = [row["rmse_ratio"]["mean"] for c in comparisons for row in c["equal_time"]]
     if any(mean is not None and 0.0 < mean < LOG_BELOW for mean in found):
         axes.set_yscale("log")
-        _plain_log_ticks(axes.yaxis)
+        plain_log_ticks(axes.yaxis)
     axes.set_title(f"RMSE at equal time over that of {baseline}", loc="left", fontsize=10)
 
 
-def _plain_log_ticks(axis: Any) -> None:
+def plain_log_ticks(axis: Any) -> None:
     """Ticks at round numbers, five or six at most, written as plain numbers."""
     low, high = axis.get_view_interval()
     if not 0.0 < low < high < np.inf:  # nothing that a logarithm shows is drawn

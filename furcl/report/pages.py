@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from jinja2 import TemplateError
@@ -12,18 +13,19 @@ from furcl.files import read_text
 from furcl.report import convergence, stability
 from furcl.values import shown
 
-# Benchmarks that have a page; the others print their tables.
-WRITERS = {
-    "furcl-convergence": convergence.write_report,
-    "furcl-stability": stability.write_report,
-}
-
 # What the pages raise on results that lack something, or hold something else.
 _WRONG_CONTENT = (LookupError, TypeError, ValueError, AttributeError, TemplateError)
 
 
-def write_pages(folder: str | Path) -> list[Path]:
+def write_pages(
+    folder: str | Path, *, metrics: Sequence[str] = ("rmse",), scenes: Sequence[str] = ()
+) -> list[Path]:
     """Make the page and plots beside every results.json in a folder that has one.
+
+    Parameters
+    ----------
+    folder : path
+    metrics, scenes : list of str       of figures of convergence: `convergence.write_report`
 
     Returns
     -------
@@ -39,11 +41,15 @@ def write_pages(folder: str | Path) -> list[Path]:
             schema = str(json.loads(read_text(path)).get("schema"))
         except (OSError, ValueError, AttributeError, RecursionError) as error:
             raise BenchError(f"{path}: cannot be read: {error}; run the benchmark again") from None
-        writer = WRITERS.get(schema.rpartition("-")[0])
-        if not writer:
-            continue
+        benchmark = schema.rpartition("-")[0]
         try:
-            pages.append(writer(path.parent))
+            if benchmark == "furcl-convergence":
+                page = convergence.write_report(path.parent, metrics=metrics, scenes=scenes)
+            elif benchmark == "furcl-stability":
+                page = stability.write_report(path.parent)
+            else:
+                continue
+            pages.append(page)
         except FurclError:
             raise
         except _WRONG_CONTENT as error:

@@ -117,6 +117,7 @@ def write_scene(
     ------
     SceneError      there is such a file already, or one that it names is not there
     """
+    from furcl.groom.formats.usd_mesh import turns_itself
     from furcl.scene.read import load_scene
 
     if path.suffix.lower() != ".toml":
@@ -134,7 +135,7 @@ def write_scene(
         file=_quoted(_beside(groom, path)),
         share=RADIUS_SHARE,
         up=f"up_axis = {_quoted(up_axis)}\n" if up_axis else '# up_axis = "y"\n',
-        mesh=_mesh(mesh, path, turned) if mesh else "",
+        mesh=_mesh(mesh, path, None if turns_itself(mesh) else turned) if mesh else "",
     )
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

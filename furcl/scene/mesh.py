@@ -9,10 +9,10 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from furcl.errors import MeshError
+from furcl.groom.formats.usd_mesh import read_mesh
 from furcl.scene.transform import Transform
 from furcl.surface.mesh.coat import ETA_RANGE, ROUGHNESS_RANGE, Coat
 from furcl.surface.mesh.mesh import Mesh
-from furcl.surface.mesh.read import read_mesh
 from furcl.surface.mesh.texture import read_texture
 from furcl.surface.mesh.triangles import Triangles
 from furcl.table import Rgb, Table, check_range, triple
@@ -41,11 +41,12 @@ class CoatTable(Table, frozen=True, kw_only=True):
 
 
 class MeshTable(Table, frozen=True, kw_only=True):
-    """A mesh of triangles, OBJ or PLY: diffuse on both sides, under a coat if it has one.
+    """A mesh of triangles, OBJ, PLY or USD: diffuse on both sides, under a coat if it has one.
 
     Attributes
     ----------
-    file : str                  the mesh, .obj or .ply
+    file : str                  the mesh, .obj or .ply, or .usd, .usda, .usdc: all meshes of
+                                the stage, turned to stand along z as it says what is up
     transform : table           where it stands
     smooth : bool               reflect by normals between those of the corners, which are the
                                 file's or means of those of the triangles around; false shows

@@ -13,9 +13,9 @@
 /* The middle one of three vertices, by component: in the midst of most of them, whatever one of them is. */
 static inline float3 amid(uint n, __global const uint* segments, __global const StoredVertex* vertices)
 {
-    const float3 a = vertex_at_step(vertices, segments[n / 4], 0).xyz;
-    const float3 b = vertex_at_step(vertices, segments[n / 2], 0).xyz;
-    const float3 c = vertex_at_step(vertices, segments[n - 1 - n / 4], 0).xyz;
+    const float3 a = place_of_leaf(vertices, segments[n / 4]);
+    const float3 b = place_of_leaf(vertices, segments[n / 2]);
+    const float3 c = place_of_leaf(vertices, segments[n - 1 - n / 4]);
     return fmax(fmin(a, b), fmin(fmax(a, b), c));
 }
 
@@ -148,7 +148,8 @@ __kernel void place_blocks(
                                          : first_block + place.y + lane - lanes.n_leaves;
     }
     for (uint lane = lanes.n; lane < WIDTH; lane++) block[FURCL_BLOCK_REFERENCES + lane] = 0;
-    block[FURCL_BLOCK_LANES] = ((1u << lanes.n) - 1u) | ((1u << lanes.n_leaves) - 1u) << 8;
+    block[FURCL_BLOCK_LANES] = ((1u << lanes.n) - 1u) | ((1u << lanes.n_leaves) - 1u) << 8 |
+        (FURCL_TRIANGLES ? FURCL_BLOCK_TRIANGLES : 0u);
     block[FURCL_BLOCK_LANES + 1] = 0;
     uint below = place.y + n_subtrees;
     for (uint lane = lanes.n; lane > lanes.n_leaves; lane--) {

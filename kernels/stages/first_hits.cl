@@ -43,7 +43,7 @@ typedef struct {
     const SurfaceParams* surface;
 #endif
 #if FURCL_MESHES
-    __global const StoredVertex* mesh_vertices;
+    __global const float4* corners;
     __global const float* shading;
 #endif
 #if FURCL_AREA_LAMPS
@@ -67,7 +67,7 @@ static inline float3 normal_of_other(
     }
 #endif
 #if FURCL_MESHES
-    return mesh_point(others->mesh_vertices, others->shading, hit->segment, origin, direction).normal;
+    return mesh_point(others->corners, others->shading, hit->segment, origin, direction).normal;
 #else
     return -direction;
 #endif
@@ -120,7 +120,7 @@ __kernel void add_first_hits(
     , const SurfaceParams surface
 #endif
 #if FURCL_MESHES
-    , __global const StoredVertex* mesh_vertices, __global const float* shading
+    , __global const float4* corners, __global const float* shading
 #endif
 #if FURCL_AREA_LAMPS
     , __global const float* light
@@ -134,13 +134,17 @@ __kernel void add_first_hits(
     )
 {
     const Paths paths = {state, wave.n_slots};
-    const Groom groom = groom_of(blocks, vertices, strands);
+    const Groom groom = groom_of(blocks, vertices, strands
+#if FURCL_MESHES
+        , corners
+#endif
+        );
     Others others;
 #if FURCL_SURFACE
     others.surface = &surface;
 #endif
 #if FURCL_MESHES
-    others.mesh_vertices = mesh_vertices;
+    others.corners = corners;
     others.shading = shading;
 #endif
 #if FURCL_AREA_LAMPS

@@ -57,25 +57,15 @@ static inline float shadow_distance(Paths paths, uint slot)
 }
 #endif
 
-#if FURCL_MESHES
-#include "bvh/path_triangles.clh"
-#endif
-
-/* The segment that the ray of a path leaves. */
-static inline uint segment_left(Paths paths, uint slot)
+/* The search along the ray of a path in the direction that is in a plane of its state. */
+static inline Query path_query(const PathRays* rays, uint slot, uint direction_plane)
 {
-    const uint from = path_uint(paths, PS_FROM_SEGMENT, slot);
-#if FURCL_MESHES
-    if (from >= FURCL_TRIANGLE) return FURCL_NO_SEGMENT;
-#endif
-    return from;
-}
-
-/* The search for fibres along the ray of a path in a direction. */
-static inline Query fibre_query(Paths paths, uint slot, uint direction_plane)
-{
+    const Paths paths = rays->paths;
     Query query = {path_float3(paths, PS_ORIGIN, slot), path_float3(paths, direction_plane, slot),
-                   segment_left(paths, slot)};
+                   path_uint(paths, PS_FROM_SEGMENT, slot)};
+#if FURCL_MESHES
+    query.reach = reach_of(rays->vertices, query.from_segment);
+#endif
 #if FURCL_MOTION
     query.time = path_time(paths, slot);
 #endif
@@ -84,13 +74,8 @@ static inline Query fibre_query(Paths paths, uint slot, uint direction_plane)
 
 static inline void load_path_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
-    const Paths paths = rays->paths;
-    const uint slot = queued_slot(paths, rays->queue, i);
-    *query = fibre_query(paths, slot, PS_DIR);
+    *query = path_query(rays, queued_slot(rays->paths, rays->queue, i), PS_DIR);
     *hit = (Hit){INFINITY, 0.0f, FURCL_NO_SEGMENT};
-#if FURCL_MESHES
-    *hit = (Hit){path_float(paths, PS_HIT_T, slot), 0.0f, path_uint(paths, PS_HIT_SEGMENT, slot)};
-#endif
 #if FURCL_SURFACE
     surface_hit(rays->surface, query, hit);
 #endif
@@ -149,8 +134,7 @@ __kernel void intersect_closest(
     , __global const uint* material_starts
 #endif
 #if FURCL_MESHES
-    , __global const uint* mesh_blocks, __global const StoredVertex* mesh_vertices,
-    __global const uint* mesh_ends
+    , __global const float4* corners
 #endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
@@ -160,7 +144,11 @@ __kernel void intersect_closest(
 #endif
     )
 {
-    const Groom groom = groom_of(blocks, vertices, strands);
+    const Groom groom = groom_of(blocks, vertices, strands
+#if FURCL_MESHES
+        , corners
+#endif
+        );
     PathRays rays;
     rays.paths = (Paths){state, n_slots};
     rays.queue = queue;
@@ -178,25 +166,19 @@ __kernel void intersect_closest(
 #endif
 #if FURCL_MESHES
     rays.vertices = vertices;
-    const Groom meshes = groom_of(mesh_blocks, mesh_vertices, mesh_ends);
-    TRACE_RAYS(triangles, &meshes, active_counts[FURCL_COUNT_NEXT], false, load_mesh_ray, store_mesh_hit, &rays);
 #endif
-    TRACE_RAYS(segments, &groom, active_counts[FURCL_COUNT_NEXT], false, load_path_ray, store_path_hit, &rays);
+    TRACE_RAYS(&groom, active_counts[FURCL_COUNT_NEXT], false, load_path_ray, store_path_hit, &rays);
 }
 
 #if FURCL_LIGHT_SAMPLING
 
-/* A mesh, a surface or a lamp in the way ends the search for fibres where it begins. */
+/* A surface or a lamp in the way ends the search where it begins. */
 static inline void load_shadow_ray(const PathRays* rays, uint i, Query* query, Hit* hit)
 {
     const Paths paths = rays->paths;
     const uint slot = queued_slot(paths, rays->queue, i);
-    *query = fibre_query(paths, slot, PS_SHADOW_DIR);
+    *query = path_query(rays, slot, PS_SHADOW_DIR);
     *hit = (Hit){shadow_distance(paths, slot), 0.0f, FURCL_NO_SEGMENT};
-#if FURCL_MESHES
-    hit->segment = path_uint(paths, PS_HIT_SEGMENT, slot);
-    if (hit->segment != FURCL_NO_SEGMENT) hit->t = 0.0f;
-#endif
 #if FURCL_SURFACE
     if (surface_hit(rays->surface, query, hit)) hit->t = 0.0f;
 #endif
@@ -221,7 +203,7 @@ static inline void store_shadow_hit(const PathRays* rays, uint i, const Hit* hit
 /* Adds the light sample of every path that nothing keeps from it.
 
    reads    state: ORIGIN, SHADOW_*, FROM_SEGMENT; the groom, meshes
-   writes   state: RADIANCE; with meshes HIT_T, HIT_SEGMENT
+   writes   state: RADIANCE
    over     the shadow queue, FURCL_RAYS_PER_ITEM a work-item
    next     intersect_closest */
 __kernel void intersect_shadow(
@@ -229,8 +211,7 @@ __kernel void intersect_shadow(
     const uint n_slots, __global const uint* blocks, __global const StoredVertex* vertices,
     __global const uint* strands
 #if FURCL_MESHES
-    , __global const uint* mesh_blocks, __global const StoredVertex* mesh_vertices,
-    __global const uint* mesh_ends
+    , __global const float4* corners
 #endif
 #if FURCL_SURFACE
     , const SurfaceParams surface
@@ -243,7 +224,11 @@ __kernel void intersect_shadow(
 #endif
     )
 {
-    const Groom groom = groom_of(blocks, vertices, strands);
+    const Groom groom = groom_of(blocks, vertices, strands
+#if FURCL_MESHES
+        , corners
+#endif
+        );
     PathRays rays;
     rays.paths = (Paths){state, n_slots};
     rays.queue = shadow_queue;
@@ -258,9 +243,7 @@ __kernel void intersect_shadow(
 #endif
 #if FURCL_MESHES
     rays.vertices = vertices;
-    const Groom meshes = groom_of(mesh_blocks, mesh_vertices, mesh_ends);
-    TRACE_RAYS(triangles, &meshes, counts[FURCL_COUNT_SHADOWS], true, load_mesh_shadow_ray, store_mesh_hit, &rays);
 #endif
-    TRACE_RAYS(segments, &groom, counts[FURCL_COUNT_SHADOWS], true, load_shadow_ray, store_shadow_hit, &rays);
+    TRACE_RAYS(&groom, counts[FURCL_COUNT_SHADOWS], true, load_shadow_ray, store_shadow_hit, &rays);
 }
 #endif

@@ -89,7 +89,7 @@ __kernel void shade_surface(
     , const SurfaceParams surface
 #endif
 #if FURCL_MESHES
-    , __global const StoredVertex* mesh_vertices, __global const float* shading
+    , __global const float4* corners, __global const float* shading
 #endif
 #if FURCL_LEARNING
     , __global const float* table, __global uint* records
@@ -117,7 +117,7 @@ __kernel void shade_surface(
             at = surface_point(&surface, origin, direction, path_float(paths, PS_HIT_T, slot));
         else
 #endif
-            at = mesh_point(mesh_vertices, shading, met, origin, direction);
+            at = mesh_point(corners, shading, met, origin, direction);
 #else
         at = surface_point(&surface, origin, direction, path_float(paths, PS_HIT_T, slot));
 #endif

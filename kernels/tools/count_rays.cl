@@ -18,12 +18,11 @@ __kernel void count_rays(
     const Hit nothing = {d.w, 0.0f, FURCL_NO_SEGMENT};
     Traversal tv;
     Stack stack;
-    traversal_begin(&tv, &stack, &query, &nothing, i, false);
-    segments_begin(&groom, &tv);
+    traversal_begin(&groom, &tv, &stack, &query, &nothing, i, false);
     uint4 n = (uint4)(0u, 0u, query.from_segment == FURCL_NO_SEGMENT ? 0u : 1u + tv.left.y, 0u);
     do {
         n.y += popcount(tv.segments);
-        if (tv.segments) traversal_tested(&groom, &tv, &stack, segments_test(&groom, &tv), false);
+        if (tv.segments) traversal_tested(&groom, &tv, &stack, leaves_test(&groom, &tv), false);
         traversal_look(&groom, &tv, &stack, false);
         n.x += tv.next != FURCL_NO_BLOCK;
         traversal_push(&groom, &tv, &stack, false);

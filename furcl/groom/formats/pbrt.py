@@ -234,7 +234,7 @@ def _flat(group: _Curves, basis: str, degree: int, transforms, path: Path):
         ends = np.repeat(widths[part] * (0.5 * scales)[:, None], n_spans + 1, axis=0)
         radii = spans.bezier_of_ends(ends[:, 0] + (ends[:, 1] - ends[:, 0]) * share)
         bezier = spans.bezier(cubic)
-        where = places(spans, bezier, radii)
+        where = places(spans, [bezier], radii)
         found.append((where.of(bezier), where.of(radii), np.diff(where.offsets)))
     counts = np.concatenate([part[2] for part in found])
     return (

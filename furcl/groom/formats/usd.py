@@ -38,14 +38,13 @@ _WRAPS = ("nonperiodic", "periodic", "pinned")
 
 
 def read_usd(path: Path, asked: Asked) -> Strands:
-    """Read all visible BasisCurves of a stage, in world space, as polylines.
+    """Read all visible BasisCurves of a stage, in world space, as polylines, at all of its times.
 
     Raises
     ------
     GroomError      the prim, and a remedy; usd-core is missing, or fails on the file
     """
-    _require()
-    said, arrays = _extracted(path)
+    said, arrays = extracted(path)
     if "error" in said:
         raise GroomError(
             f"{path}: usd-core cannot read it: {shown(said['error'])}. It is damaged, or of "
@@ -60,16 +59,35 @@ def read_usd(path: Path, asked: Asked) -> Strands:
     parts = [_prim(prim, number, arrays, asked, path) for number, prim in enumerate(said["prims"])]
     counts = np.concatenate([np.diff(_offsets(part)) for part in parts])
     attributes, ignored = _values(parts)
+    times = sorted({float(time) for part in parts if part.times is not None for time in part.times})
     return Strands(
-        np.concatenate([part.points for part in parts]),
-        np.concatenate([np.broadcast_to(part.radii, len(part.points)) for part in parts]),
+        np.concatenate([_at_times(part, times) for part in parts], axis=1 if times else 0),
+        np.concatenate([np.broadcast_to(part.radii, part.points.shape[-2]) for part in parts]),
         np.concatenate([[0], np.cumsum(counts)]),
         str(path),
         attributes,
         said["left_out"],
         ignored,
         Units(said["metres"], said["up_axis"]),
+        times or None,
     )
+
+
+def _at_times(part: Strands, times: list[float]) -> np.ndarray:
+    """The points of a prim, of a groom that moves at its times: straight between the prim's own,
+    and as the first and the last before and after them."""
+    points = np.asarray(part.points)
+    if not times:
+        return points
+    if part.times is None:
+        return np.broadcast_to(points, (len(times), *points.shape))
+    own = np.asarray(part.times, np.float64)
+    if own.tolist() == times:
+        return points
+    place = np.interp(times, own, np.arange(len(own)))
+    before = np.minimum(place.astype(np.int64), len(own) - 2)
+    share = (place - before)[:, None, None].astype(np.float32)
+    return points[before] * (1 - share) + points[before + 1] * share
 
 
 def write_usd(curves: Curves, file: BinaryIO, path: Path) -> None:
@@ -94,7 +112,14 @@ def write_usd(curves: Curves, file: BinaryIO, path: Path) -> None:
     prim.CreateWrapAttr("nonperiodic")
     counts = np.diff(curves.offsets).astype(np.int32)
     prim.CreateCurveVertexCountsAttr(Vt.IntArray.FromNumpy(counts))
-    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(curves.points)))
+    points = prim.CreatePointsAttr()
+    if curves.steps is None:
+        points.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(curves.points)))
+    else:
+        stage.SetStartTimeCode(curves.times[0])
+        stage.SetEndTimeCode(curves.times[-1])
+        for time, step in zip(curves.times, curves.steps, strict=True):
+            points.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(step)), Usd.TimeCode(time))
     one = curves.one_radius
     widths = (curves.radii[:1] if one else curves.radii) * np.float32(2.0)
     prim.CreateWidthsAttr(Vt.FloatArray.FromNumpy(widths))
@@ -129,14 +154,20 @@ def _require() -> None:
         raise GroomError(NEEDED)
 
 
-def _extracted(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What another process finds in the file (furcl.groom.formats.usd_stage)."""
+def extracted(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What another process finds in the file (furcl.groom.formats.usd_stage) of curves or meshes.
+
+    Raises
+    ------
+    GroomError      usd-core is missing, or fails on the file
+    """
+    _require()
     size = path.stat().st_size
     file = os.memfd_create("furcl-usd", os.MFD_CLOEXEC)
     try:
         seconds = SECONDS + SECONDS_PER_MIB * size / 2**20
         n_bytes = MEMORY_FACTOR * size + SLACK_BYTES
-        request = json.dumps([str(path.absolute()), file, n_bytes, seconds])
+        request = json.dumps([str(path.absolute()), file, n_bytes, seconds, what])
         try:
             ended = subprocess.run(
                 python_command("-m", "furcl.groom.formats.usd_stage", request),
@@ -182,14 +213,14 @@ def shared_result(file: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 class _Expander:
     """How values of a prim come to the points of its polylines."""
 
-    def __init__(self, prim, points, counts, path) -> None:
+    def __init__(self, prim, n_points, counts, path) -> None:
         self._where = f"{path}: {prim['path']}"
         offsets = np.concatenate([[0], np.cumsum(counts)])
         self.spans: Spans | None = None
         self.places: Places | None = None
-        self.offsets, self.points = offsets, points
+        self.offsets = offsets
         self.sizes = {"constant": 1, "uniform": len(counts)}
-        self.sizes |= {"vertex": len(points), "varying": len(points)}
+        self.sizes |= {"vertex": n_points, "varying": n_points}
         if prim["type"] == "cubic":
             self.spans = Spans(offsets, _BASES[prim["basis"]], prim["wrap"], self._where)
             self.sizes["varying"] = int(self.spans.varying_offsets[-1])
@@ -241,13 +272,16 @@ def _prim(prim, number, arrays, asked: Asked, path: Path) -> Strands:
             f"{shown(prim['wrap'])}; read are linear and cubic ones of {', '.join(_BASES)} that "
             f"are {', '.join(_WRAPS)}. Convert them."
         )
-    if not len(counts) or counts.min() < 1 or counts.sum() != len(points):
+    times, n_points = arrays.get(f"{number}/times"), points.shape[-2]
+    if not len(counts) or counts.min() < 1 or counts.sum() != n_points:
         least = f", the least of {counts.min()}" if len(counts) else ""
         raise GroomError(
             f"{where}: {len(counts)} curves of together {counts.sum()} points{least}, and "
-            f"{len(points)} points; curveVertexCounts must add up. Export the curves again."
+            f"{n_points} points; curveVertexCounts must add up. Export the curves again."
         )
-    of = _Expander(prim, points, counts, path)
+    if prim.get("points_change"):
+        log.warning("%s: its points change in number with time; it keeps still as at first", where)
+    of = _Expander(prim, n_points, counts, path)
     widths = arrays.get(f"{number}/widths")
     if (widths is None or not widths.any()) and asked.default_radius is None:
         raise GroomError(f"{where}: the curves have no widths. {ADVICE}")
@@ -260,15 +294,17 @@ def _prim(prim, number, arrays, asked: Asked, path: Path) -> Strands:
     if of.spans is None:
         found, at = points, of.at_points(radii, kind)
     else:
-        bezier = of.spans.bezier(points)
+        steps = [of.spans.bezier(step) for step in (points if points.ndim == 3 else [points])]
         if kind in ("constant", "uniform"):
             each = radii if kind == "uniform" else np.broadcast_to(radii, len(counts))
             curve_radii = np.repeat(each[of.spans.strand][:, None], 4, axis=1)
         else:
             curve_radii = of.bezier(radii, kind)
-        at_places = of.places = places(of.spans, bezier, curve_radii)
+        at_places = of.places = places(of.spans, steps, curve_radii)
         of.offsets = at_places.offsets
-        found, at = at_places.of(bezier), np.maximum(at_places.of(curve_radii), 0.0)
+        found = np.stack([at_places.of(step) for step in steps])
+        found = found if points.ndim == 3 else found[0]
+        at = np.maximum(at_places.of(curve_radii), 0.0)
     if prim["ribbons"]:
         log.warning("%s: ribbons with normals are taken as fibres of that width", where)
     values = {}
@@ -292,7 +328,7 @@ def _prim(prim, number, arrays, asked: Asked, path: Path) -> Strands:
         )
     if "displayColor" not in values and prim["material"] is not None:
         values["displayColor"] = np.broadcast_to(np.float32(prim["material"]), (len(counts), 3))
-    return Strands(found, at, of.offsets, where, values)
+    return Strands(found, at, of.offsets, where, values, times=times)
 
 
 def _offsets(part: Strands) -> np.ndarray:
@@ -335,14 +371,16 @@ FORMAT = Format(
     write=write_usd,
     about="Universal Scene Description, by usd-core: what Blender, Houdini and Maya exchange.",
     points="all visible BasisCurves of the stage, in world space: linear, or cubic of basis "
-    "bezier, bspline or catmullRom, nonperiodic, periodic or pinned. Of values that change with "
-    "time, the first. Written as linear curves.",
+    "bezier, bspline or catmullRom, nonperiodic, periodic or pinned. Points and transformations at "
+    "all of their times, in time codes; of other values that change with time, the first. Written "
+    "as linear curves.",
     radius="half of the widths, of any interpolation, scaled with the transformation",
     units="`metersPerUnit` if it is there; `upAxis`, y if it is not there",
     kept="`primvars:displayColor` as colours, else the colour that the material's surface shader "
     "says; other primvars of numbers that all prims have",
-    left_out="NURBS and Hermite curves, meshes, point instancers, guides and what is invisible are "
-    "counted; texture coordinates. Ribbons are read as fibres.",
+    left_out="NURBS and Hermite curves, point instancers, guides and what is invisible are "
+    "counted, and meshes, which `--set mesh.NAME.file=FILE.usd` shows beside the strands; texture "
+    "coordinates. Ribbons are read as fibres.",
     curved=True,
     extra="usd",
 )

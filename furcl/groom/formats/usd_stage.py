@@ -1,4 +1,4 @@
-"""What a USD stage has of curves, by usd-core, in a process of its own.
+"""What a USD stage has of curves or meshes, by usd-core, in a process of its own.
 
 `python -m furcl.groom.formats.usd_stage REQUEST`: a damaged file may crash the library, make it
 take any memory, or hang. The arrays go into memory that both processes share, as .npz.
@@ -6,6 +6,7 @@ take any memory, or hang. The arrays go into memory that both processes share, a
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import resource
@@ -15,6 +16,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from furcl.groom.formats.usd_meshes import extract_meshes
 from furcl.memory import limit_memory
 
 #: Names of inputs of surface shaders that hold their colour.
@@ -27,6 +29,8 @@ COLOUR_INPUTS = (
 )
 #: Shown where a prim has no colour and others do, as USD's own viewers show it.
 FALLBACK_COLOUR = (0.18, 0.18, 0.18)
+#: As of furcl.scene.motion, which follows turns alike.
+LARGEST_TURN_DEG = 4.0
 
 
 def pxr(module: str) -> Any:
@@ -34,10 +38,11 @@ def pxr(module: str) -> Any:
     return import_module(f"pxr.{module}")
 
 
-def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What is said of the stage and its curves, and their arrays by number and name.
+def extract(path: str, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """What is said of the stage and its curves, or "meshes", and arrays by number and name.
 
-    Of values that change with time the first ones are taken.
+    Points and transformations are taken at all times that the file has, of other values that change
+    with time the first ones.
 
     Raises
     ------
@@ -53,9 +58,13 @@ def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         if stage.HasAuthoredMetadata("metersPerUnit")
         else None,
         "prims": [],
+        "meshes": [],
         "left_out": {},
     }
     arrays: dict[str, np.ndarray] = {}
+    if what == "meshes":
+        extract_meshes(stage, time, said, arrays)
+        return said, arrays
 
     def leave_out(why: str) -> None:
         said["left_out"][why] = said["left_out"].get(why, 0) + 1
@@ -77,8 +86,61 @@ def extract(path: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
                 leave_out("invisible_prims")
             else:
                 matrix = np.array(transforms.GetLocalToWorldTransform(prim))
-                said["prims"].append(_curves(prim, time, matrix, len(said["prims"]), arrays))
+                number = len(said["prims"])
+                said["prims"].append(_curves(prim, time, matrix, number, arrays))
+                said["prims"][number] |= _motion(prim, number, arrays)
     return said, arrays
+
+
+def _motion(prim, number: int, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Puts the points (T, n, 3) of a prim that moves in the place of its first ones, and its times
+    beside them; says whether its points change in number, in which case it is left as it is."""
+    Usd, UsdGeom = pxr("Usd"), pxr("UsdGeom")
+    of_points = UsdGeom.BasisCurves(prim).GetPointsAttr()
+    times = sorted({*of_points.GetTimeSamples(), *_transform_times(prim)})
+    if len(times) < 2 or f"{number}/points" not in arrays:
+        return {}
+    steps = np.empty((len(times), *arrays[f"{number}/points"].shape), np.float32)
+    for i, moment in enumerate(times):
+        code = Usd.TimeCode(moment)
+        matrix = np.array(UsdGeom.XformCache(code).GetLocalToWorldTransform(prim))
+        points = np.asarray(of_points.Get(code), np.float64).reshape(-1, 3)
+        if len(points) != steps.shape[1]:
+            return {"points_change": True}
+        with np.errstate(all="ignore"):  # what is not finite is refused with the points
+            steps[i] = points @ matrix[:3, :3] + matrix[3, :3]
+    arrays[f"{number}/points"], arrays[f"{number}/times"] = steps, np.array(times, np.float64)
+    return {}
+
+
+def _transform_times(prim) -> list[float]:
+    """The times of a prim's transformation and of those that it is below, and as many in between
+    that it turns by no more than LARGEST_TURN_DEG from one to the next."""
+    Usd, UsdGeom = pxr("Usd"), pxr("UsdGeom")
+    given: set[float] = set()
+    above = prim
+    while above:
+        if above.IsA(UsdGeom.Xformable):
+            given |= set(UsdGeom.Xformable(above).GetTimeSamples())
+        above = above.GetParent()
+    times = sorted(given)
+    found = times[:1]
+    for a, b in itertools.pairwise(times):
+        turns = [_rotation(UsdGeom.XformCache(Usd.TimeCode(t)), prim) for t in (a, b)]
+        cosine = 0.5 * (np.trace(turns[0].T @ turns[1]) - 1.0)
+        turn = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        n = max(1, int(np.ceil(turn / LARGEST_TURN_DEG)))
+        found += [a + (b - a) * i / n for i in range(1, n)] + [b]
+    return found
+
+
+def _rotation(transforms, prim) -> np.ndarray:
+    """The rotation nearest to a prim's transformation, none where that has no volume."""
+    matrix = np.array(transforms.GetLocalToWorldTransform(prim))[:3, :3]
+    if not np.isfinite(matrix).all():
+        return np.eye(3)
+    left, _, right = np.linalg.svd(matrix)
+    return left @ right
 
 
 def _curves(prim, time, matrix, number, arrays) -> dict[str, Any]:
@@ -144,10 +206,10 @@ def _material_colour(prim, time) -> list[float] | None:
     return None
 
 
-def write_result(path: str, file: BinaryIO) -> None:
+def write_result(path: str, file: BinaryIO, what: str = "curves") -> None:
     """Write what a stage has to an open file: .npz, with what is said as text in it."""
     try:
-        said, arrays = extract(path)
+        said, arrays = extract(path, what)
     except MemoryError:
         raise
     except Exception as error:  # usd-core raises many kinds
@@ -158,7 +220,7 @@ def write_result(path: str, file: BinaryIO) -> None:
 
 def main(request: str) -> int:
     """Read what a request of furcl.groom.formats.usd names."""
-    path, file, n_bytes, seconds = json.loads(request)
+    path, file, n_bytes, seconds, what = json.loads(request)
     for name in ("Usd", "UsdGeom", "UsdShade"):
         pxr(name)  # before its memory is limited
 
@@ -167,7 +229,7 @@ def main(request: str) -> int:
     limit = int(used.ru_utime + used.ru_stime + seconds) + 1
     resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
     with os.fdopen(file, "wb") as shared:
-        write_result(path, shared)
+        write_result(path, shared, what)
     return 0
 
 

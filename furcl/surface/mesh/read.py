@@ -53,8 +53,8 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise MeshError(
-            f"{path}: meshes are read from {', '.join(READERS)} files; convert it, for example "
-            f"with Blender or trimesh"
+            f"{path}: meshes are read from {', '.join(READERS)} and USD files; convert it, for "
+            f"example with Blender or trimesh"
         )
     try:
         check_regular(path)
