@@ -28,6 +28,7 @@ from furcl.bench.stability_double_cylinder import SIMULATED_SUBJECT
 from furcl.device.features import Features
 from furcl.device.source import kernel_text
 from furcl.errors import FibreError, SceneError
+from furcl.fibre.double_cylinder import layout
 from furcl.fibre.double_cylinder.model import MODEL
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.yan2015.parameters import Yan2015Fibre
@@ -209,7 +210,7 @@ def test_fibres_of_the_model_have_none_of_it():
         fibre = Fibre.preset("red-fox", scattering=scattering)
         features = Features(fibre=MODEL.features(fibre), sampler=None)
         assert other not in preprocessed(kernel_text("prepare/tables.cl", features))
-    assert MODEL.features(Fibre.preset("red-fox")).data_words == 38_400
+    assert MODEL.features(Fibre.preset("red-fox")).data_words == layout.profile_words(1)
     model, simulated = (
         MODEL.features(Fibre.preset("red-fox", scattering=s)) for s in ("model", "simulated")
     )
