@@ -21,6 +21,7 @@ from furcl.fibre.closed.reference import ClosedReference
 from furcl.fibre.deon.parameters import DEonFibre
 from furcl.fibre.marschner.parameters import MarschnerFibre
 from furcl.fibre.sadeghi.parameters import SadeghiFibre
+from furcl.fibre.yan2015.parameters import Yan2015Fibre
 from furcl.report.convergence_plots import STYLES, save
 
 GREY = (0.2, 0.2, 0.2)
@@ -29,10 +30,12 @@ FIBRES: dict[str, Any] = {
     "deon": DEonFibre(sigma_a=GREY, orders=4),
     "marschner": MarschnerFibre(sigma_a=GREY),
     "sadeghi": SadeghiFibre(),
+    # A clear medulla: the profiles of one that scatters are simulated (bench/model_figures.py).
+    "yan2015": Yan2015Fibre(eta_m=1.2, kappa=0.7, sigma_ca=GREY, sigma_ms=0.0),
 }
 THETA = np.radians(20.0)
 NODES = 64  # over h
-INCLINATIONS = 160  # of wi, for what is integrated over one
+INCLINATIONS = 480  # of wi, for what is integrated over one
 
 
 def values(fibre: Any, theta: float, theta_o: np.ndarray, phi: np.ndarray) -> dict[str, np.ndarray]:
@@ -47,7 +50,8 @@ def values(fibre: Any, theta: float, theta_o: np.ndarray, phi: np.ndarray) -> di
     c = np.cos(out)
     wi = np.stack([np.sin(out), c * np.cos(azimuth), c * np.sin(azimuth)], -1)
     found = {}
-    for lobe in reference.attenuation(fibre, 0.0, theta, residual=True):
+    energies = reference.attenuation(fibre, h, theta, residual=True)
+    for lobe in (name for name, energy in energies.items() if energy.any()):
         total = np.zeros(out.shape)
         for offset, share in zip(h, weight, strict=True):
             total += share * reference.evaluate(fibre, wo, wi, offset, lobe=lobe)[..., 0]
@@ -61,15 +65,19 @@ def figure_of(fibre: Any) -> Figure:
     around = figure.add_subplot(1, 2, 1, projection="polar")
     along = figure.add_subplot(1, 2, 2)
     theta_o = np.linspace(-0.5 * np.pi, 0.5 * np.pi, INCLINATIONS + 1)
-    phi = np.linspace(-np.pi, np.pi, 361)
+    # Half a turn, which the other half mirrors.
+    phi = (np.arange(180) + 0.5) * (np.pi / 180)
+    turn = np.concatenate([-phi[::-1], phi])
     low, high = np.log10(DECADES)
     for number, (lobe, f) in enumerate(values(fibre, float(THETA), theta_o, phi).items()):
         colour = STYLES[number % len(STYLES)][0]
+        line = "-" if number < len(STYLES) else "--"
         of_phi = np.trapezoid(f * np.cos(theta_o)[:, None], theta_o, axis=0)
         radius = np.clip(np.log10(np.maximum(of_phi, 1e-30)), low, high)
-        around.plot(phi, radius, color=colour, lw=1.6, label=lobe)
-        of_theta = np.trapezoid(f, phi, axis=1) * np.cos(theta_o)
-        along.plot(np.degrees(theta_o), of_theta, color=colour, lw=1.6)
+        radius = np.concatenate([radius[::-1], radius])
+        around.plot(turn, radius, color=colour, lw=1.6, ls=line, label=lobe)
+        of_theta = 2.0 * np.pi * f.mean(axis=1) * np.cos(theta_o)
+        along.plot(np.degrees(theta_o), of_theta, color=colour, lw=1.6, ls=line)
     around.set(ylim=(low, high))
     decades = np.arange(low, high + 0.5)
     labels = [f"{10.0**decade:g}" for decade in decades]

@@ -31,6 +31,11 @@ FIBRES = {
         "sigma_ca=0.0, kappa=0.0, beta_m_deg=8, beta_n_deg=12",
     ),
     "chiang": (BROWN, "sigma_a=0.0"),
+    # A clear medulla, nearly of air.
+    "yan2015": (
+        "sigma_ca=[0.58, 0.99, 1.99], kappa=0.4, eta_m=1.2, beta_m_deg=8, beta_n_deg=12",
+        "sigma_ca=0.0, kappa=0.4, eta_m=1.2, beta_m_deg=8, beta_n_deg=12",
+    ),
     "deon": (f"{BROWN}, beta_m_deg=8, beta_n_deg=12", "sigma_a=0.0, beta_m_deg=8, beta_n_deg=12"),
     "marschner": (f"{BROWN}, beta_deg=4, alpha_deg=3", "sigma_a=0.0, beta_deg=4, alpha_deg=3"),
     # R as it is, the others in the colour that the absorption gives one and two crossings.

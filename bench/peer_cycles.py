@@ -52,7 +52,9 @@ def prepare(task: Task, folder: Path) -> tuple[Render, dict[str, Any]]:
     quad = bpy.data.lights.new("lamp", "AREA")
     quad.shape, quad.size = "SQUARE", lamp["size"]
     # Blender gives an area light's power over pi, so that its radiance is energy / (4 area).
-    quad.energy = lamp["radiance"] * math.pi * lamp["size"] ** 2
+    # Its lamps hide nothing: what lies behind comes through.
+    radiance = lamp["radiance"] - task["environment"][0]
+    quad.energy = radiance * math.pi * lamp["size"] ** 2
     looking(added("lamp", quad), lamp["position"], lamp["target"])
 
     _scalp(bpy, added, folder / "scalp.ply", task["scalp_albedo"])
@@ -101,7 +103,8 @@ def _settings(scene: Any, task: Task) -> None:
     # Its clamp and its blur of caustics change the picture.
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
     cycles.blur_glossy = 0.0
-    depth = task["bounces"]
+    # It counts what follows the first scattering.
+    depth = task["bounces"] - 1
     cycles.max_bounces = depth
     cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = depth
     cycles.min_light_bounces = depth if task["same_settings"] else 0

@@ -44,7 +44,7 @@ def prepare(task: Task, folder: Path) -> tuple[Render, dict[str, Any]]:
                     "smooth": False,
                 }
             },
-            "fibre": {"model": "chiang", **fibre},
+            "fibre": {"model": "chiang", "mode": task.get("mode", "far"), **fibre},
             "curves": {"generator": "file", "file": str(folder / "groom.npz")},
             "render": same if task["same_settings"] else {},
         },

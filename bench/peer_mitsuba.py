@@ -83,7 +83,8 @@ def prepare(task: Task, folder: Path) -> tuple[Render, dict[str, Any]]:
                     "sigma_a": {"type": "rgb", "value": fibre["sigma_a"]},
                     "longitudinal_roughness": fibre["beta_m"],
                     "azimuthal_roughness": fibre["beta_n"],
-                    "scale_tilt": fibre["alpha_deg"],
+                    # Its R goes to the tip, the others' to the root.
+                    "scale_tilt": -fibre["alpha_deg"],
                     "int_ior": fibre["eta"],
                     "ext_ior": 1.0,
                 },

@@ -147,21 +147,26 @@ def _curves(strands: np.ndarray) -> Curves:
     return Curves.from_arrays(rows[:, :3], rows[:, 3], offsets)
 
 
+def task_of(groom: str, name: str, same: bool, given: argparse.Namespace) -> dict[str, Any]:
+    """What a renderer is asked to make ready; its groom and scalp are files beside it."""
+    scene = facts(groom)
+    return {
+        "groom": groom, "size": given.size, "bounces": BOUNCES, "same_settings": same,
+        "camera": scene["camera"], "environment": scene["environment"]["radiance"],
+        "scalp_albedo": scene["body"]["albedo"], "lamp": LAMP, "fibre": FIBRE,
+        "device": given.device, **RENDERERS[name][1],
+    }  # fmt: skip
+
+
 @contextlib.contextmanager
 def workers(
     names: list[str], groom: str, same: bool, given: argparse.Namespace, folder: Path
 ) -> Iterator[list[Worker]]:
     """The renderers with a scene, each in its process."""
-    scene = facts(groom)
     started: list[Worker] = []
     try:
         for name in names:
-            task = {
-                "groom": groom, "size": given.size, "bounces": BOUNCES, "same_settings": same,
-                "camera": scene["camera"], "environment": scene["environment"]["radiance"],
-                "scalp_albedo": scene["body"]["albedo"], "lamp": LAMP, "fibre": FIBRE,
-                "device": given.device, **RENDERERS[name][1],
-            }  # fmt: skip
+            task = task_of(groom, name, same, given)
             path = folder / f"{groom}-{name}.json"
             path.write_text(json.dumps(task), encoding="utf-8")
             started.append(Worker(name, path, given.peers, path.with_suffix(".log")))

@@ -20,6 +20,7 @@ _PUBLIC = {
     "Curves": "furcl.groom.curves",
     "Fibre": "furcl.fibre.double_cylinder.parameters",
     "render": "furcl.rendering.renderer",
+    "view": "furcl.viewer.show",
     "Renderer": "furcl.rendering.renderer",
     "Probe": "furcl.rendering.probe",
     "Image": "furcl.image.image",
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from furcl.rendering.renderer import Renderer, render
     from furcl.scene.read import load_scene
     from furcl.scene.tables import Scene
+    from furcl.viewer.show import view
 
 __all__ = [
     "Curves",
@@ -71,6 +73,7 @@ __all__ = [
     "render",
     "samplers",
     "save_curves",
+    "view",
 ]
 
 

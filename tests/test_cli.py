@@ -143,7 +143,7 @@ def test_progress_lines(
     scene: Path, fake_render: FakeRender, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("furcl.cli.console.LOG_INTERVAL_S", 0.0)
+    monkeypatch.setattr("furcl.progress.LOG_INTERVAL_S", 0.0)
     assert run("render", scene, "-o", tmp_path / "out.exr") == 0
     lines = capsys.readouterr().err
     assert " 50 %" in lines

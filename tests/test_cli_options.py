@@ -23,6 +23,7 @@ EXAMPLE = Path(__file__).parents[1] / "bench" / "samplers" / "lobe_cdf.clh"
 # value of a scene or of its fibre.
 OF_SEVERAL_MEANINGS = {
     "--output", "--device", "--spp", "--sampling", "--size", "--runs", "--set",
+    "--samples",
 }  # fmt: skip
 
 

@@ -9,7 +9,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from furcl.cli import app
 from furcl.device.choice import Candidate
 from furcl.device.verdict import Verdict
 from furcl.install import doctor, provision
@@ -206,3 +208,54 @@ def test_runtimes_are_pinned_by_their_hashes(lock: str) -> None:
     assert lines
     pinned = re.compile(r"[\w.-]+==[\w.]+(\s+--hash=sha256:[0-9a-f]{64})+\s*")
     assert [line for line in lines if not pinned.fullmatch(line)] == []
+
+
+@pytest.mark.parametrize(
+    ("usable", "agrees", "installed", "result"),
+    [
+        ([True], True, 0, True),  # nothing to install: nobody is asked
+        ([False], False, 0, False),
+        ([False, False, True], True, 1, True),
+    ],
+)
+def test_a_runtime_is_offered_before_it_is_installed(
+    monkeypatch, capsys, usable, agrees, installed, result
+):
+    done, asked = [], []
+    steps = [Step("pocl", "PoCL from PyPI", lambda: done.append("pocl"), None)]
+    steps.append(Step("debian", "PoCL from Debian", lambda: done.append("apt"), None, "apt-get"))
+    states = iter(usable)
+    monkeypatch.setattr(provision, "devices_usable", lambda: next(states))
+    monkeypatch.setattr(provision, "STEPS", steps)
+
+    def ask(question):
+        asked.append(question)
+        return agrees
+
+    assert provision.offer(ask) is result
+    assert done == ["pocl"] * installed
+    assert len(asked) == (usable[0] is False)
+    if asked:
+        assert "PoCL from PyPI" in asked[0]
+        assert sys.prefix in asked[0]
+        assert "Debian" not in asked[0]
+        assert "apt-get install" in capsys.readouterr().out
+
+
+def test_nobody_is_taken_for_a_no(monkeypatch):
+    """Input that is no terminal installs nothing; --yes is named."""
+    monkeypatch.setattr(provision, "devices_usable", lambda: False)
+    monkeypatch.setattr(provision, "provision", lambda _: pytest.fail("installs"))
+    said = CliRunner().invoke(app, ["doctor", "--install"])
+    assert said.exit_code == 3
+    assert "--yes" in said.output
+    monkeypatch.setattr(provision, "provision", lambda _: True)
+    assert CliRunner().invoke(app, ["doctor", "--install", "--yes"]).exit_code == 0
+
+
+def test_without_a_network_the_message_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(sys, "base_prefix", "elsewhere")
+    failed = subprocess.CompletedProcess([], 1)
+    monkeypatch.setattr(provision.subprocess, "run", lambda *_, **__: failed)
+    with pytest.raises(StepImpossibleError, match="PIP_NO_INDEX=1 PIP_FIND_LINKS=FOLDER"):
+        provision._install_lock("intel")

@@ -55,6 +55,7 @@ def test_values_outside_a_range_are_refused(generator, name):
         ("hair", {"scalp_radii": (1, 1)}, r"scalp_radii = \(1, 1\); expected 3 numbers"),
         ("hair", {"style": "afro"}, r"style = 'afro' is unknown; choose one of straight, wavy"),
         ("hair", {"style": "curly", "n_points": 16}, r"n_points = 16 is too few for 4.8 turns"),
+        ("hair", {"length": 35.0, "scalp_radii": (1e-3, 1, 1)}, r"want 420001 points each; at"),
         ("hair", {"n_strands": 50_000_000, "n_points": 100}, r"make 5000000000; at most 2147"),
         ("fur", {"comb": (0, 0, 0)}, r"comb = \(0, 0, 0\) is no direction"),
         ("fur", {"patch_size": 2}, r"patch_size = 2; expected 2 numbers"),

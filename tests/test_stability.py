@@ -14,14 +14,18 @@ from furcl.bench import stability, stability_integrals
 from furcl.bench.stability import WIDTHS
 from furcl.bench.stability_compare import Comparison
 from furcl.bench.stability_conditioning import attenuation_conditioning, reference_attenuation
+from furcl.bench.stability_cylinder import CHIANG_SUBJECT
 from furcl.bench.stability_double_cylinder import SUBJECT
 from furcl.bench.stability_integrals import BAR, factors, integrals
+from furcl.bench.stability_look import Look
 from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import LAST, Points
 from furcl.bench.stability_reference import reference_rows
 from furcl.bench.stability_row import Row
 from furcl.errors import FibreError
+from furcl.fibre.chiang.parameters import ChiangFibre
 from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
+from furcl.rendering.probe import Probe
 
 N_FIBRES = 40
 N_POINTS = 250
@@ -333,3 +337,26 @@ def test_results_report_and_replay(device, tmp_path):
     (again,) = (r for r in stability.replay(row["worst"], device) if r[:2] == ["attenuation", "TT"])
     assert again[2] == pytest.approx(row["value"], rel=1e-6)
     assert json.dumps(dataclasses.asdict(Row("a", "b")))
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_points_that_are_looked_at(device, rng, monkeypatch, number):
+    """Each sampler, in the far field and within limits: nothing is wrong, and one NaN is seen."""
+    fibre = ChiangFibre(sigma_a=(0.1, 0.3, 0.9))
+    points = CHIANG_SUBJECT.points(fibre, rng, 500)
+    look = Look(device, CHIANG_SUBJECT)
+    look.add(fibre, points, number)
+    assert set(look.rows) == {"R", "TT", "TRT", "residual", "sample", "light sample"}
+    for row in look.rows.values():
+        assert (row.points, row.nan, row.inf, row.negative) == (500, 0, 0, 0), row
+    real = Probe.attenuation
+
+    def wrong(self, h, theta):
+        values = real(self, h, theta)
+        values[1, 7] = np.nan
+        return values
+
+    monkeypatch.setattr(Probe, "attenuation", wrong)
+    look.add(fibre, points, number)
+    assert look.rows["TT"].nan == 1
+    assert look.rows["TT"].worst["h"] == points.h[7]

@@ -188,9 +188,8 @@ def test_cubic_curves_in_time_keep_the_tolerance(here, tmp_path):
     """Straight at first and bent later: the polyline has the points that it needs then."""
     straight = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
     bent = straight + np.array([[0, 0, 0], [0, 3, 0], [0, -3, 0], [0, 0, 0]])
-    cubic = {"kind": "cubic", "counts": (4,), "points": straight}
-    still = prim(**cubic)
-    alone = load_curves(written(tmp_path, prim(**cubic | {"points": bent})))
+    still = prim(kind="cubic", counts=(4,), points=straight)
+    alone = load_curves(written(tmp_path, prim(kind="cubic", counts=(4,), points=bent)))
     text = still.replace(
         f"points = {listed(straight)}",
         f"points.timeSamples = {{0: {listed(straight)}, 1: {listed(bent)}}}",

@@ -141,7 +141,7 @@ def test_a_damaged_file_is_refused(tmp_path):
 
 def test_strands_and_mesh_of_one_file_stand_alike(device, tmp_path):
     """In one command; the mesh, below the strands with y up, hides the sky."""
-    strands = [(0.5, 0.2 * k, 0.0) for k in range(1, 5)]
+    strands = np.array([(0.5, 0.2 * k, 0.0) for k in range(1, 5)])
     text = prim("hair", strands, (4,), widths=(0.05,))
     text += mesh(points=[(x * 4 - 1.5, 0, y * 4 - 2) for x, y, _ in POINTS], counts=(4,),
                  indices=(0, 3, 2, 1))  # fmt: skip

@@ -108,9 +108,9 @@ def stray_point_of_a_large_groom(folder: Path, quick: bool) -> str:
     """More segments than are built at once: chunks below a top of boxes."""
     if quick:
         curves = walks(np.random.default_rng(1), 20_000, 10)
-        return blocks_beside_stray(curves, STRAY, (1e6,), chunk_segments=25_000)
+        return blocks_beside_stray(curves, STRAY, (3.0, 1e6), chunk_segments=25_000)
     curves = walks(np.random.default_rng(1), 200_000, 10)
-    return blocks_beside_stray(curves, STRAY, (10.0, 1e3, 1e6))
+    return blocks_beside_stray(curves, STRAY, (2.0, 3.0, 5.0, 10.0, 1e3, 1e6))
 
 
 def stray_point_of_a_real_groom(folder: Path, quick: bool) -> str:

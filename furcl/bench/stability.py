@@ -23,6 +23,8 @@ from furcl.bench.stability_conditioning import (
 )
 from furcl.bench.stability_double_cylinder import SUBJECT as DOUBLE_CYLINDER
 from furcl.bench.stability_integrals import factors, integrals
+from furcl.bench.stability_look import POINTS_PER_FIBRE as LOOKED_AT_PER_FIBRE
+from furcl.bench.stability_look import Look
 from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import Points
 from furcl.bench.stability_reference import reference_rows
@@ -48,6 +50,7 @@ def run(
     device: str | Device | None = None,
     quick: bool = False,
     n_points: int | None = None,
+    n_compared: int | None = None,
     renders: bool = True,
     seed: int = 1,
     progress: Progress | None = None,
@@ -60,6 +63,8 @@ def run(
     out                 folder for results.json
     quick : bool        fewer widths, scenes and points: what the tests run as well
     n_points : int      random points; default 10^7, quick 10^5
+    n_compared : int    compare only as many of them with float64, and look at the others for what
+                        is not finite or negative; default all
     renders : bool      also render scenes/extreme
     subject : Subject   the fibre model
 
@@ -76,15 +81,22 @@ def run(
     rng = np.random.default_rng(seed)
     total = Comparison(opened, subject)
     parameters = _grid(total, rng, 200 if quick else POINTS_PER_FIBRE, quick, say)
-    n_fibres = max(1, n_points // POINTS_PER_FIBRE)
+    n_compared = n_points if n_compared is None else min(n_compared, n_points)
+    n_fibres = max(1, n_compared // POINTS_PER_FIBRE)
     for i in range(n_fibres):
         fibre = subject.random(rng)
         # Compiling for every other fibre anew would take most of a quick run.
         specialised = i % 8 == 0 if quick else True
         total.add(fibre, subject.points(fibre, rng, POINTS_PER_FIBRE), i, specialised)
         say("random points", i + 1, n_fibres)
+    look = Look(opened, subject)
+    n_looked_at = -(-(n_points - n_compared) // LOOKED_AT_PER_FIBRE)
+    for i in range(n_looked_at):
+        fibre = subject.random(rng)
+        look.add(fibre, subject.points(fibre, rng, LOOKED_AT_PER_FIBRE), i)
+        say("points looked at", i + 1, n_looked_at)
     own_rows = OWN_ROWS.get(subject.model.name, lambda *_: [])
-    rows = [*total.rows.values(), *own_rows(opened, quick)]
+    rows = [*total.rows.values(), *look.rows.values(), *own_rows(opened, quick)]
     say("integrals", 1, 1)
     results = {
         "schema": SCHEMA,
@@ -92,7 +104,8 @@ def run(
         **circumstances(opened),
         "quick": quick,
         "seed": seed,
-        "random_points": n_fibres * POINTS_PER_FIBRE,
+        "random_points": n_fibres * POINTS_PER_FIBRE + n_looked_at * LOOKED_AT_PER_FIBRE,
+        "compared_points": n_fibres * POINTS_PER_FIBRE,
         "rows": [_plain(row) for row in rows],
         "parameters": parameters,
         "weights": [dataclasses.asdict(region) for region in total.regions],

@@ -13,6 +13,7 @@ _SUBJECTS = {
     "deon": ("furcl.bench.stability_cylinder", "DEON_SUBJECT"),
     "marschner": ("furcl.bench.stability_closed", "MARSCHNER_SUBJECT"),
     "sadeghi": ("furcl.bench.stability_closed", "SADEGHI_SUBJECT"),
+    "yan2015": ("furcl.bench.stability_yan2015", "YAN2015_SUBJECT"),
 }
 
 

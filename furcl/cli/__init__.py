@@ -12,7 +12,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from furcl.cli import bcsdf, bench, denoise, devices, files, merge, new, render
+from furcl.cli import bcsdf, bench, denoise, devices, files, merge, new, render, view
 from furcl.cli.console import set_up_logging
 from furcl.cli.losable import losable_log
 from furcl.device import crashes
@@ -69,7 +69,7 @@ def _everywhere(
     """Options that stand before or after the command; what they do is in their callbacks."""
 
 
-for part in (render, new, merge, denoise, files, bcsdf, devices, bench):
+for part in (render, view, new, merge, denoise, files, bcsdf, devices, bench):
     part.register(app)
 
 

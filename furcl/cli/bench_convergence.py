@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from furcl.cli.console import progress_report
 from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
     METRIC,
@@ -23,6 +22,7 @@ from furcl.cli.options import (
     SceneNames,
     results_folder,
 )
+from furcl.progress import progress_report
 
 log = logging.getLogger(__name__)
 

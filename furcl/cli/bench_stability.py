@@ -20,6 +20,10 @@ def stability(
     points: Annotated[
         int | None, typer.Option(help="Random points; 10^7, with --quick 10^5.")
     ] = None,
+    compared: Annotated[
+        int | None,
+        typer.Option(help="Compare so many of them with float64, look at the others; all."),
+    ] = None,
     renders: Annotated[bool, typer.Option(help="Also render the scenes of scenes/extreme.")] = True,
     model: Annotated[
         str, typer.Option(help="Fibre model; stiff scenes are of double-cylinder alone.")
@@ -33,8 +37,8 @@ def stability(
     from furcl.report.stability import write_report
 
     results = bench.run(
-        output, device=device, quick=quick, n_points=points, seed=seed, progress=_LogLines(),
-        renders=renders and model == "double-cylinder", subject=find(model),
+        output, device=device, quick=quick, n_points=points, n_compared=compared, seed=seed,
+        progress=_LogLines(), renders=renders and model == "double-cylinder", subject=find(model),
     )  # fmt: skip
     print_stability(results)
     log.info("wrote %s and results.json", write_report(output))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+from typing import Annotated
 
 import typer
 
@@ -34,10 +36,21 @@ def devices() -> None:
     typer.echo(f"furcl uses device {chosen.index}: {why}")
 
 
-def doctor() -> None:
+def doctor(
+    install: Annotated[
+        bool, typer.Option("--install", help="Offer a runtime where no device is usable.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="With --install, do not ask.")] = False,
+) -> None:
     """Say what is wrong with this installation and which command mends it."""
     from furcl.install.doctor import diagnose
 
+    if install:
+        from furcl.install.provision import offer
+
+        if not offer(lambda question: yes or _asked(question)):
+            raise typer.Exit(EXIT_NO_DEVICE)
+        return
     errors = 0
     for finding in diagnose():
         errors += finding.level == "error"
@@ -48,6 +61,14 @@ def doctor() -> None:
         typer.echo(f"{errors} things keep furcl from working; mend them in this order.")
         raise typer.Exit(EXIT_NO_DEVICE)
     typer.echo("furcl can render here.")
+
+
+def _asked(question: str) -> bool:
+    """The answer of whoever sits there; no where nobody does."""
+    if sys.stdin is None or not sys.stdin.isatty():
+        typer.echo(f"{question} Nobody is there to ask: --yes agrees.")
+        return False
+    return typer.confirm(question)
 
 
 def register(app: typer.Typer) -> None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from furcl.cli.console import progress_report
 from furcl.cli.interrupt import interruptible
+from furcl.progress import progress_report
 
 if TYPE_CHECKING:
     from furcl.scene.tables import Scene

@@ -23,10 +23,14 @@ class Interrupt:
 
     Attributes
     ----------
+    says : str                  what is said then
     signal : int or None        the signal that came first
     """
 
     signal: int | None = None
+
+    def __init__(self, says: str) -> None:
+        self.says = says
 
     @property
     def requested(self) -> bool:
@@ -43,16 +47,18 @@ class Interrupt:
             if signal.getsignal(each) is self:
                 # No exception: it could come up anywhere, and threads that are left abort.
                 signal.signal(each, signal.SIG_DFL)
-        log.warning("stopping; what is rendered will be written (Ctrl-C again: quit now)")
+        log.warning("%s (Ctrl-C again: quit now)", self.says)
 
 
 @contextmanager
-def interruptible() -> Iterator[Interrupt]:
+def interruptible(
+    says: str = "stopping; what is rendered will be written",
+) -> Iterator[Interrupt]:
     """Let signals set an `Interrupt`, which the block asks for; those that are ignored stay so.
 
     Errors of furcl that an interrupt brings with it end the command as the interrupt does.
     """
-    interrupt = Interrupt()
+    interrupt = Interrupt(says)
     caught = [each for each in SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
     before = {each: signal.signal(each, interrupt) for each in caught}
     with _own_thread(caught):

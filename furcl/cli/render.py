@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from furcl.cli.console import progress_report
 from furcl.cli.frames import check_frames, render_all
 from furcl.cli.interrupt import interruptible
 from furcl.cli.options import (
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from furcl.groom.joined import Grooms
     from furcl.scene.tables import Scene
 from furcl.cli.shared import Shared, sample_range
+from furcl.progress import progress_report
 
 log = logging.getLogger(__name__)
 
@@ -88,6 +88,10 @@ def render(
         Path | None,
         typer.Option(help="Go on from a checkpoint, to the bits of a render that never stopped."),
     ] = None,
+    display: Annotated[
+        str | None,
+        typer.Option(help="HOST:PORT of a tev, an image viewer, that shows the picture so far."),
+    ] = None,
     wave_size: WaveSize = None,
     frames: Annotated[
         str | None,
@@ -116,13 +120,16 @@ def render(
     check_frames(frames, orbit, output, stats, keeps)
     if frames is not None and samples is not None:
         raise typer.BadParameter("--frames and --samples: an animation is rendered as it is")
+    if frames is not None and display is not None:
+        raise typer.BadParameter("--frames and --display: an animation is shown by its files")
     wanted = sample_range(samples)
     shared = Shared.of(device, dask, part_spp)
     if shared:
         shared.check(
             {
                 "--frames": frames, "--samples": samples, "--checkpoint": checkpoint,
-                "--resume": resume, "--target-rmse": target_rmse, "--target-relmse": target_relmse,
+                "--resume": resume, "--display": display,
+                "--target-rmse": target_rmse, "--target-relmse": target_relmse,
             }
         )  # fmt: skip
     outputs = Outputs.of(output, stats, denoise=denoise)
@@ -136,7 +143,7 @@ def render(
     bare = is_groom(find_scene(scene))
     loaded = load_scene(
         scene,
-        overrides=[*_of_groom(bare, material, up), *(overrides or ())],
+        overrides=[*of_groom(bare, material, up), *(overrides or ())],
         spp=spp,
         seed=seed,
         size=size,
@@ -183,6 +190,7 @@ def render(
                         checkpoint=outputs.checkpoint,
                         checkpoint_minutes=checkpoint,
                         resume=resume,
+                        display=display,
                         **common,
                     )
         outputs.write(image)
@@ -215,7 +223,7 @@ def with_guides(scene: Scene) -> Scene:
     return replace(scene, film=replace(scene.film, layers=wanted))
 
 
-def _of_groom(bare: bool, material: str | None, up: str | None) -> list[str]:
+def of_groom(bare: bool, material: str | None, up: str | None) -> list[str]:
     """The changes that options make of a scene which is a groom alone."""
     from furcl.scene.from_groom import material_override
 

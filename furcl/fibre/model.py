@@ -241,6 +241,11 @@ class FibreModel(ABC):
         nothing is."""
         return None
 
+    def draft(self, device: Device, fibre: Any) -> tuple[Any, bool]:
+        """What stands for what `prepare` makes while a fibre is being changed, made in a moment,
+        and whether it is noisier. By default that itself."""
+        return self.prepare(device, fibre), False
+
     def data(self, prepared: Any, features: Any) -> np.ndarray:
         """The model's own data (features.data_words,) float32, made of what `prepare` returned."""
         return np.zeros(features.data_words, np.float32)

@@ -24,12 +24,21 @@ from furcl.errors import FurclError
 from furcl.paths import python_command
 
 LOCKS = Path(__file__).parent / "runtimes"
+DOCTOR_COMMAND = "furcl doctor --install"
 DEBIAN_PACKAGE = "pocl-opencl-icd"
 DEBIAN_COMMAND = f"apt-get install {DEBIAN_PACKAGE}"
+OFFLINE = (
+    "where there is no network, download the wheels where there is one (README, Without a network) "
+    "and name their folder: PIP_NO_INDEX=1 PIP_FIND_LINKS=FOLDER"
+)
 
 
 class StepImpossibleError(FurclError):
     """A runtime that cannot be installed here; the message says why."""
+
+
+class PipFailedError(StepImpossibleError):
+    """What pip could not do; it has said why."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +71,17 @@ def _run(*command: str) -> None:
 def _pip(*arguments: str) -> None:
     if sys.prefix == sys.base_prefix:
         raise StepImpossibleError("wheels are installed into a virtual environment only")
-    _run(*python_command("-m", "pip", *arguments))
+    try:
+        _run(*python_command("-m", "pip", *arguments))
+    except StepImpossibleError as error:
+        raise PipFailedError(f"pip: {error}") from None
 
 
 def _install_lock(name: str) -> None:
-    _pip("install", "--quiet", "--require-hashes", "--requirement", str(LOCKS / f"{name}.lock"))
+    try:
+        _pip("install", "--quiet", "--require-hashes", "--requirement", str(LOCKS / f"{name}.lock"))
+    except PipFailedError as error:
+        raise StepImpossibleError(f"{error}; {OFFLINE}") from None
 
 
 def _remove_lock(name: str) -> None:
@@ -183,6 +198,22 @@ def provision(steps: Sequence[Step], *, system: bool = False) -> bool:
         if step.remove:
             step.remove()
     return False
+
+
+def offer(ask: Callable[[str], bool]) -> bool:
+    """Install a runtime where no device is usable and `ask` says yes; True if one is usable then.
+
+    Nothing outside of this environment is changed: packages of the system are named.
+    """
+    if devices_usable():
+        print("A device passes the self-test: nothing needs to be installed.")
+        return True
+    titles = ", then ".join(step.title for step in STEPS if not step.by_hand)
+    print(f"No OpenCL device passes the self-test. As root this may be all: {DEBIAN_COMMAND}")
+    if not ask(f"Install into {sys.prefix}, until a device passes: {titles}?"):
+        print(f"Nothing was installed. Later: {DOCTOR_COMMAND}")
+        return False
+    return provision(STEPS)
 
 
 def main() -> int:

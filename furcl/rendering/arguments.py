@@ -62,7 +62,8 @@ def check_stops(progress: Any, time_limit: Any) -> None:
     """
     if progress is not None and not callable(progress):
         raise SceneError(
-            f"progress = {shown(progress)}: expected a function of paths done and paths asked for"
+            f"progress = {shown(progress)}: expected True, for a bar, or a function of paths done "
+            f"and paths asked for"
         )
     if time_limit is not None and not (is_number(time_limit) and time_limit >= 0.0):
         raise SceneError(

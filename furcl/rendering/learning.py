@@ -148,15 +148,19 @@ class Learning:
     ) -> None:
         self._memory, self._buffers = memory, buffers
         self._start = np.repeat(np.array([path_threshold, shadow_threshold], np.float32), N_CELLS)
-        enough = next((n for n in ENDS if n * n_pixels >= ENOUGH_PATHS), ENDS[-1])
-        self.ends = tuple(n * n_pixels for n in ENDS if n <= enough)
-        self.recorded = min(self.ends[-1], MOST_PATHS)
+        self.of_pixels(n_pixels)
         grid, voxels = _packed(optical_depths(curves))
         self._head = len(grid)
         memory.release("learned", buffers.table)
         buffers.table = memory.allocate("learned", grid.nbytes + self._start.nbytes + voxels.nbytes)
         whole = np.concatenate([grid, self._start.view(np.uint32), voxels.view(np.uint32)])
         cl.enqueue_copy(memory.device.queue, buffers.table, whole)
+
+    def of_pixels(self, n_pixels: int) -> None:
+        """Learn from a picture of so many pixels, of which there are no samples yet."""
+        enough = next((n for n in ENDS if n * n_pixels >= ENOUGH_PATHS), ENDS[-1])
+        self.ends = tuple(n * n_pixels for n in ENDS if n <= enough)
+        self.recorded = min(self.ends[-1], MOST_PATHS)
 
     def forget(self) -> None:
         """Start again."""

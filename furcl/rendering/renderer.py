@@ -16,8 +16,11 @@ from furcl.errors import SceneError
 from furcl.image.error import estimated_errors
 from furcl.image.image import Image
 from furcl.image.size import Window
+from furcl.image.tev import parse_address
+from furcl.progress import showing_progress
 from furcl.rendering.arguments import Given, check_curves, check_samples, check_stops
 from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
+from furcl.rendering.display import Shown
 from furcl.rendering.held import Held
 from furcl.rendering.plan import SamplePlan
 from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
@@ -61,6 +64,8 @@ class Renderer:
     target : Target or None         error at which `advance` stops before it has all samples
     held : Held or None             numbers that all samples of a pixel share; where this is not
                                     None, the attribute may be changed between calls of `advance`
+    adjustable : bool               compile what other numbers of the fibres and other windows of
+                                    the film could need (furcl.rendering.adjustable)
 
     Attributes
     ----------
@@ -88,6 +93,7 @@ class Renderer:
         curves: Given = None,
         target: Target | None = None,
         held: Held | None = None,
+        adjustable: bool = False,
     ) -> None:
         check_curves(curves)
         if held and scene.render.sequence != "independent":
@@ -106,6 +112,7 @@ class Renderer:
             curves=curves,
             with_target=target is not None,
             with_held=held is not None,
+            adjustable=adjustable,
         )
         self.features = self.setup.features
         self.materials = self.setup.materials
@@ -374,6 +381,7 @@ class Renderer:
         return statistics(self)
 
 
+@showing_progress
 def render(
     scene: Scene | str | os.PathLike,
     *,
@@ -382,12 +390,13 @@ def render(
     sampling: str | None = None,
     max_depth: int | None = None,
     device: str | Device | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     time_limit: float | None = None,
     target_rmse: float | None = None,
     target_relmse: float | None = None,
     wave_size: int | None = None,
     curves: Given = None,
+    display: str | None = None,
     checkpoint: str | os.PathLike | None = None,
     checkpoint_minutes: float | None = None,
     resume: str | os.PathLike | None = None,
@@ -401,8 +410,9 @@ def render(
     spp, seed, sampling, max_depth      override those of the scene; spp is the mean over pixels
                                         where render.allocation is "adaptive"
     device : str or None                index or part of the name; None: FURCL_DEVICE, then the rule
-    progress : callable or None         called with (paths done, paths asked for) after every wave;
-                                        stops the render by returning true
+    progress : callable, bool or None   called with (paths done, paths asked for) after every wave;
+                                        stops the render by returning true. True shows a bar in
+                                        notebooks and on terminals
     time_limit : float or None          stop between waves after this time [s]
     target_rmse : float or None         stop when the picture's estimated RMSE, of linear radiance,
                                         is about this; spp, if given, is then the most there may be
@@ -411,6 +421,7 @@ def render(
                                         a constant of the kind of device
     curves : Curves, Grooms, Future or None     the scene's groom or grooms, where they are there or
                                         on their way
+    display : str or None               HOST:PORT of a tev that shows the picture while it grows
     checkpoint : path or None           file that keeps the render where `progress` stops it, to
                                         go on from; with `checkpoint_minutes` also where it ends
     checkpoint_minutes : float or None  keep it so often too, against kills and power failures
@@ -432,9 +443,12 @@ def render(
     SceneError, GroomError, FibreError, DeviceError, ResourceError, KernelBuildError,
     CheckpointError
     """
+    assert not isinstance(progress, bool)  # by showing_progress
     check_stops(progress, time_limit)
     check_checkpoints(checkpoint, checkpoint_minutes)
     check_samples(samples, spp)
+    if display is not None:
+        parse_address(display)
     saved = None if resume is None else read_header(resume)
     if not isinstance(scene, Scene):
         from furcl.scene.read import load_scene
@@ -459,7 +473,10 @@ def render(
     if checkpoint is not None:
         kept = Checkpoints(renderer, curves, checkpoint, checkpoint_minutes)
         progress = kept.watching(progress)
-    image = finished(renderer, progress, time_limit)
+    shown = Shown(renderer, display) if display else None
+    image = finished(renderer, shown.watching(progress) if shown else progress, time_limit)
+    if shown:
+        shown.end()
     if kept:
         kept.end()
     return image

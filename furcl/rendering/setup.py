@@ -108,6 +108,7 @@ def set_up(
     curves: Given = None,
     with_target: bool = False,
     with_held: bool = False,
+    adjustable: bool = False,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
 
@@ -157,9 +158,12 @@ def set_up(
             ).with_(held=with_held)
         if not specialised:
             features = everything_on(features)
+        elif adjustable:
+            features = features.with_(channels=3, crop=True)
+        of_fibres = specialised and not adjustable
         with timed("tables"):
             materials = [
-                _material(memory, scene, name, fibre, features, specialised, bound.get(name))
+                scene_material(memory, scene, name, fibre, features, of_fibres, bound.get(name))
                 for name, fibre in fibres.items()
             ]
         grooms = taken.result()
@@ -242,7 +246,7 @@ def _facts(grooms: Grooms, materials: list[str]) -> list[GroomFacts]:
     ]
 
 
-def _material(
+def scene_material(
     memory: Memory,
     scene: Scene,
     name: str,
@@ -250,8 +254,10 @@ def _material(
     features: Features,
     specialised: bool,
     bound: Packed | None,
+    profiles: Any = None,
 ) -> FibreMaterial:
-    """A fibre of the scene on the device."""
+    """A fibre of the scene on the device; not specialised: with all code that others of its model
+    could need. `profiles` stand for what the model prepares."""
     varies = bound is not None and bound.by != "constant"
     model, residual = model_of(fibre), scene.render.residual
     features = features.with_(mode=scene.materials()[name].mode)
@@ -263,6 +269,7 @@ def _material(
         samplers.find(scene.render.sampling),
         fibre_features=needed if specialised else needed.everything_on(),
         drop_lobes=specialised,
+        profiles=profiles,
         name=name,
         absorbs=bound.absorbs if bound and varies else None,
         absorption=bound.words if bound and varies else None,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
@@ -14,7 +15,7 @@ from furcl.scene.transform import Transform
 from furcl.surface.mesh.coat import ETA_RANGE, ROUGHNESS_RANGE, Coat
 from furcl.surface.mesh.mesh import Mesh
 from furcl.surface.mesh.texture import read_texture
-from furcl.surface.mesh.triangles import Triangles
+from furcl.surface.mesh.triangles import BLOCK, Triangles
 from furcl.table import Rgb, Table, check_range, triple
 
 #: What a mesh without a texture reflects where nothing is said.
@@ -87,16 +88,22 @@ class MeshTable(Table, frozen=True, kw_only=True):
                 f"export it with them (vt in OBJ, s and t in PLY), or give an albedo instead"
             )
         mirrored = np.linalg.det(self.transform.as_matrix()[:3, :3]) < 0.0
-        vertices = self.transform.points(found.vertices)
-        faces = found.faces[:, ::-1] if mirrored else found.faces
-        normals = None
+        order = np.s_[:, ::-1] if mirrored else np.s_[:]
+        arrays: dict[str, Any] = {
+            "vertices": _in_blocks(self.transform.points, found.vertices),
+            "faces": found.faces[order],
+        }
         if self.smooth and found.normals is not None:
-            normals = self._turned(found.normals)
-        places = found.places if self.texture_file is not None else None
+            index = found.faces if found.normal_faces is None else found.normal_faces
+            arrays |= {
+                "normals": _in_blocks(self._turned, found.normals),
+                "normal_faces": index[order],
+            }
+        if self.texture_file is not None:
+            index = found.faces if found.place_faces is None else found.place_faces
+            arrays |= {"places": found.places, "place_faces": index[order]}
         del found  # a copy of a large mesh
-        triangles = Triangles.from_arrays(
-            vertices, faces, normals=normals, places=places, smooth=self.smooth, where=where
-        )
+        triangles = Triangles.from_arrays(**arrays, smooth=self.smooth, where=where)
         texture = None if self.texture_file is None else read_texture(self.texture_file)
         albedo = self.albedo
         if albedo is None:
@@ -104,9 +111,20 @@ class MeshTable(Table, frozen=True, kw_only=True):
         coat = None if self.coat is None else self.coat.build()
         return Mesh(triangles, triple(albedo), texture, triple(self.emission), coat)
 
-    def _turned(self, normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turned(self, normals: NDArray[Any]) -> NDArray[np.float64]:
         """Normals of the file in the scene; those without a length stay so."""
-        out = np.zeros_like(normals)
+        out = np.zeros(normals.shape)
         has_length = (normals != 0.0).any(axis=1)
         out[has_length] = self.transform.normals(normals[has_length])
         return out
+
+
+def _in_blocks(
+    change: Callable[[NDArray[Any]], NDArray[np.float64]], rows: NDArray[Any]
+) -> NDArray[np.float32]:
+    """Rows that are changed in float64, without a copy of all of them in it."""
+    out = np.empty(rows.shape, np.float32)
+    with np.errstate(all="ignore"):  # what is too large or no number is refused later
+        for start in range(0, len(rows), BLOCK):
+            out[start : start + BLOCK] = change(rows[start : start + BLOCK])
+    return out

@@ -1,34 +1,40 @@
-"""What one double cylinder needs of kernels/include/fibre/double_cylinder."""
+"""What one double cylinder needs of kernels/include/fibre/double_cylinder, and one fibre with a
+medulla of its model's header."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from furcl.fibre.double_cylinder import layout
-from furcl.fibre.model import FibreFeatures, find
+from furcl.fibre.model import FibreFeatures, Lobe, find
 
 if TYPE_CHECKING:
     from furcl.fibre.model import FibreModel
 
 
 @dataclass(frozen=True)
-class DoubleCylinderFeatures(FibreFeatures):
-    """Switches of the header.
+class MedullaFeatures(FibreFeatures):
+    """Switches of the header of a model whose fibres have a medulla; subclasses name the model.
 
     Attributes
     ----------
-    medulla : bool              rays may cross a medulla that absorbs or scatters
-    scattered : bool            lobes TT^s and TRT^s (kappa > 0 and sigma_ms > 0)
+    medulla : bool              rays may cross a medulla that matters
+    scattered : bool            it scatters (kappa > 0 and sigma_ms > 0)
     profile_channels : int      channels of absorption in the profiles: 0, 1 or 3
     simulated : bool            scattered light leaves as simulated, instead of by profiles, and the
                                 residual lobe as light of its orders does
     layered : bool              cuticle other than a plain interface (layers != 1/2)
     tilt : bool                 alpha != 0
-    residual : bool             lobe that holds TRRT and all later orders, and closes the furnace
+    residual : bool             lobe that holds all others and closes the furnace
     dropped_lobes : tuple       names of lobes left out because they carry next to nothing
     """
+
+    of_model: ClassVar[str]
+    all_lobes: ClassVar[tuple[Lobe, ...]]
+    of_medulla: ClassVar[tuple[str, ...]] = ()
+    of_profiles: ClassVar[tuple[str, ...]]
 
     medulla: bool = True
     scattered: bool = True
@@ -41,18 +47,22 @@ class DoubleCylinderFeatures(FibreFeatures):
 
     @property
     def model(self) -> FibreModel:
-        return find("double-cylinder")
+        return find(self.of_model)
 
     @property
     def n_lobes(self) -> int:
-        return len(layout.LOBES) if self.residual else len(layout.LOBES) - 1
+        return len(self.all_lobes) if self.residual else len(self.all_lobes) - 1
 
     @property
     def lobes(self) -> tuple[str, ...]:
         absent = set(self.dropped_lobes)
+        if not self.medulla:
+            absent |= set(self.of_medulla)
         if not self.scattered:
-            absent |= set(layout.SCATTERED)
-        return tuple(lobe.name for lobe in layout.LOBES[: self.n_lobes] if lobe.name not in absent)
+            absent |= set(self.of_profiles)
+        return tuple(
+            lobe.name for lobe in self.all_lobes[: self.n_lobes] if lobe.name not in absent
+        )
 
     @property
     def data_words(self) -> int:
@@ -68,19 +78,20 @@ class DoubleCylinderFeatures(FibreFeatures):
             if name != "dropped_lobes"
         }
 
-    def without(self, lobes: Collection[str]) -> DoubleCylinderFeatures:
+    def without(self, lobes: Collection[str]) -> Self:
         kept = replace(self, dropped_lobes=tuple(name for name in self.lobes if name in lobes))
-        if not set(kept.lobes) & set(layout.SCATTERED):
+        if not set(kept.lobes) & set(self.of_profiles):
             kept = replace(kept, scattered=False, profile_channels=0)
         return kept
 
-    def everything_on(self) -> DoubleCylinderFeatures:
-        return DoubleCylinderFeatures(residual=self.residual, simulated=self.simulated)
+    def everything_on(self) -> Self:
+        return type(self)(residual=self.residual, simulated=self.simulated)
 
     def optional(self) -> dict[str, tuple[bool, str]]:
+        lobes = f"lobes {', '.join(self.of_profiles)}"
         return {
-            "medulla": (self.medulla, "kappa is 0, or nothing absorbs or scatters"),
-            "scattered": (self.scattered, "kappa or sigma_ms is 0: lobes TTs and TRTs, profiles"),
+            "medulla": (self.medulla, "kappa is 0, or nothing happens in the medulla"),
+            "scattered": (self.scattered, f"kappa or sigma_ms is 0: {lobes}, profiles"),
             "profile_channels": (
                 self.profile_channels > 0,
                 "sigma_ma is 0: no medulla absorption",
@@ -90,9 +101,19 @@ class DoubleCylinderFeatures(FibreFeatures):
             "tilt": (self.tilt, "alpha is 0"),
             "residual": (
                 self.residual,
-                "render.residual is false and scattering 'model': lobe of TRRT and later orders",
+                "render.residual is false and scattering 'model': lobe of all other orders",
             ),
         }
 
     def as_dict(self) -> dict[str, Any]:
         return asdict(self)
+
+
+@dataclass(frozen=True)
+class DoubleCylinderFeatures(MedullaFeatures):
+    """Its `medulla` is there where it absorbs or scatters; the residual holds TRRT and later
+    orders."""
+
+    of_model = "double-cylinder"
+    all_lobes = layout.LOBES
+    of_profiles = layout.SCATTERED

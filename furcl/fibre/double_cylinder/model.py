@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -106,6 +106,15 @@ class DoubleCylinder(FibreModel):
             "fibre.scattering = 'simulated': its tables are for one absorption, and strands or "
             "points have others; allowed is 'model'"
         )
+
+    def draft(self, device: Device, fibre: Fibre) -> tuple[Any, bool]:
+        """Profiles of few photons, where none are stored: tests/test_view_follow.py has their
+        error. Of simulated scattering the tables themselves."""
+        if fibre.is_simulated:
+            return self.prepare(device, fibre), False
+        from furcl.fibre.double_cylinder.profiles import draft_profiles
+
+        return draft_profiles(device, fibre)
 
     def absorption_of_colour(self, fibre: Fibre, colour: np.ndarray) -> np.ndarray:
         return sigma_ca_from_colours(colour, fibre.beta_n_deg)

@@ -42,6 +42,7 @@ from furcl.paths import cache_folder
 
 FORMAT_VERSION = 1
 DEFAULT_SEED = 1
+DRAFT_PHOTONS = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +166,18 @@ def build_profiles(
         if cache:
             store_cached(path, arrays)
     return _profiles(arrays)
+
+
+def draft_profiles(device: Device, fibre: Fibre) -> tuple[MedullaProfiles | None, bool]:
+    """The stored profiles of a fibre's medulla, and False; if there are none, some of DRAFT_PHOTONS
+    photons a row, which are not stored, and True."""
+    if not fibre.has_medulla:
+        return None, False
+    path = cache_path(_content(device, fibre, DEFAULT_SEED, None))
+    arrays = load_cached(path, _shapes(fibre))
+    if arrays is not None:
+        return _profiles(arrays), False
+    return build_profiles(device, fibre, photons=DRAFT_PHOTONS, cache=False), True
 
 
 def _content(device: Device, fibre: Fibre, seed: int, photons: int | None) -> dict:

@@ -12,6 +12,7 @@ from furcl.errors import GroomError
 from furcl.groom.curves import ADVICE, Curves
 from furcl.groom.formats.format import Asked, Format, Strands
 from furcl.memory import require_memory
+from furcl.ply import read_header
 from furcl.values import shown
 
 log = logging.getLogger(__name__)
@@ -23,7 +24,6 @@ COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
 OTHERS = ("nx", "ny", "nz", "alpha")
 #: Points a strand of NeuralHaircut's and other reconstructions' point clouds.
 USUAL_POINTS = 100
-HEADER_BYTES = 1 << 16
 
 
 def read_ply(path: Path, asked: Asked) -> Strands:
@@ -130,7 +130,8 @@ def _columns(name, values):
 
 def _elements(path: Path) -> dict[str, np.ndarray]:
     """The tables of a PLY file by name."""
-    _check_header(path)
+    read_header(path, GroomError)
+    require_memory(path, n_bytes=4 * path.stat().st_size, error=GroomError)
     from plyfile import PlyData
 
     try:
@@ -142,36 +143,6 @@ def _elements(path: Path) -> dict[str, np.ndarray]:
             f"{path}: plyfile cannot read it: {shown(str(error))}. It is damaged or cut off; fetch "
             "or export it again."
         ) from error
-
-
-def _check_header(path: Path) -> None:
-    """Refuse what is no PLY, and counts that the file cannot hold, before there are arrays."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(HEADER_BYTES)
-    if head[:3] != b"ply":
-        raise GroomError(f"{path}: begins with {head[:3]!r}; a PLY begins with b'ply'. Is it one?")
-    head, found, _ = head.partition(b"end_header")
-    if not found:
-        raise GroomError(
-            f"{path}: no end_header in its first {HEADER_BYTES} bytes; it is cut off or damaged, "
-            "export it again."
-        )
-    count = n_properties = 0
-    for line in [*head.splitlines(), b"element end 0"]:
-        words = line.split()
-        if words[:1] == [b"property"]:
-            n_properties += 1
-        if words[:1] != [b"element"] or len(words) < 3:
-            continue
-        # A number takes at least a byte, or a digit and a space.
-        if count * max(n_properties, 1) > size:
-            raise GroomError(
-                f"{path}: its header claims {count} rows of {n_properties} numbers in a file of "
-                f"{size} bytes; it is cut off or damaged, export it again."
-            )
-        count, n_properties = int(words[2]) if words[2].isdigit() else 0, 0
-    require_memory(path, n_bytes=4 * size, error=GroomError)
 
 
 def _counts(elements, names, asked, path):

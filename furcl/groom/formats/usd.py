@@ -59,7 +59,8 @@ def read_usd(path: Path, asked: Asked) -> Strands:
     parts = [_prim(prim, number, arrays, asked, path) for number, prim in enumerate(said["prims"])]
     counts = np.concatenate([np.diff(_offsets(part)) for part in parts])
     attributes, ignored = _values(parts)
-    times = sorted({float(time) for part in parts if part.times is not None for time in part.times})
+    own = [np.asarray(part.times, np.float64) for part in parts if part.times is not None]
+    times = np.unique(np.concatenate(own)).tolist() if own else []
     return Strands(
         np.concatenate([_at_times(part, times) for part in parts], axis=1 if times else 0),
         np.concatenate([np.broadcast_to(part.radii, part.points.shape[-2]) for part in parts]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,18 +52,21 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
     if not said["meshes"]:
         raise MeshError(f"{path}: has no visible meshes; export them with the strands")
     parts = [_mesh(mesh, number, arrays, path) for number, mesh in enumerate(said["meshes"])]
-    vertices, normals, places = (
-        None if any(part[k] is None for part in parts) else np.concatenate([p[k] for p in parts])
-        for k in range(3)
-    )
-    assert vertices is not None
+    vertices = np.concatenate([part[0] for part in parts])
+    normals, places = (_of_all([part[k] for part in parts]) for k in (1, 2))
     if not len(vertices):
         raise MeshError(f"{path}: has no triangles; give a file with faces")
     faces = np.arange(len(vertices)).reshape(-1, 3)
     axis = said["up_axis"]
     if normals is not None:
         normals = turned(normals, axis)
-    return MeshArrays(turned(vertices, axis), faces, normals, places)
+    return MeshArrays(turned(vertices, axis), faces, normals=normals, places=places)
+
+
+def _of_all(values: Sequence[Array | None]) -> Array | None:
+    """The values of all prims together, none where one has none."""
+    given = [array for array in values if array is not None]
+    return np.concatenate(given) if len(given) == len(values) else None
 
 
 def _mesh(mesh, number: int, arrays, path) -> tuple[Array, Array | None, Array | None]:

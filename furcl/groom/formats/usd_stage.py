@@ -100,12 +100,13 @@ def _motion(prim, number: int, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
     times = sorted({*of_points.GetTimeSamples(), *_transform_times(prim)})
     if len(times) < 2 or f"{number}/points" not in arrays:
         return {}
-    steps = np.empty((len(times), *arrays[f"{number}/points"].shape), np.float32)
+    n_points = len(arrays[f"{number}/points"])
+    steps = np.empty((len(times), n_points, 3), np.float32)
     for i, moment in enumerate(times):
         code = Usd.TimeCode(moment)
         matrix = np.array(UsdGeom.XformCache(code).GetLocalToWorldTransform(prim))
         points = np.asarray(of_points.Get(code), np.float64).reshape(-1, 3)
-        if len(points) != steps.shape[1]:
+        if len(points) != n_points:
             return {"points_change": True}
         with np.errstate(all="ignore"):  # what is not finite is refused with the points
             steps[i] = points @ matrix[:3, :3] + matrix[3, :3]

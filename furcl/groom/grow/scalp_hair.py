@@ -23,6 +23,7 @@ STYLES = {
 }
 POINTS_PER_TURN = 10
 LEAST_POINTS_PER_TURN = 6
+MOST_POINTS = HAIR_RANGES["n_points"][1]
 LOCKS_PER_CLUMP = 10
 
 
@@ -106,7 +107,8 @@ def hair(
 
     Raises
     ------
-    GroomError                   a parameter outside its range, or too few points for the waves
+    GroomError                   a parameter outside its range, too few points for the waves, or
+                                 more of them wanted than are grown
     """
     check("hair", HAIR_RANGES, locals())
     given = (wave_amplitude, wave_frequency, helix)
@@ -163,7 +165,15 @@ def _column(values) -> Block:
 def _points_per_strand(n_points, relative_length, turns):
     """Points of a strand: enough for its waves and to follow the scalp."""
     if n_points is None:
-        return 1 + max(12, int(np.ceil(POINTS_PER_TURN * turns)), int(12 * relative_length))
+        wanted = 1 + max(12, int(np.ceil(POINTS_PER_TURN * turns)), int(12 * relative_length))
+        if wanted > MOST_POINTS:
+            raise GroomError(
+                f"hair: strands {relative_length:.3g} times as long as the least of scalp_radii, "
+                f"with {turns:.3g} turns of the wave, want {wanted} points each; at most "
+                f"{MOST_POINTS} are grown. Lower length or wave_frequency, raise scalp_radii, or "
+                f"give n_points."
+            )
+        return wanted
     if n_points - 1 < LEAST_POINTS_PER_TURN * turns:
         raise GroomError(
             f"hair: n_points = {n_points} is too few for {turns:.3g} turns of the wave a strand; "

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import MeshError
+from furcl.surface.mesh.indexed import Indexed, indexed, real
 
 # Triangles that are worked on at a time: what that takes does not grow with the mesh.
 BLOCK = 1 << 15
@@ -49,6 +51,8 @@ class Triangles:
         *,
         normals: ArrayLike | None = None,
         places: ArrayLike | None = None,
+        normal_faces: ArrayLike | None = None,
+        place_faces: ArrayLike | None = None,
         smooth: bool = True,
         where: str = "mesh",
     ) -> Triangles:
@@ -61,8 +65,10 @@ class Triangles:
         ----------
         vertices : (m, 3)           positions [scene unit]
         faces : (n, 3) integers     vertices of each triangle
-        normals : (m, 3) or None    of the vertices, any length
-        places : (m, 2) or None     u, v of the vertices
+        normals : (k, 3) or None    any length
+        places : (l, 2) or None     u, v
+        normal_faces, place_faces : (n, 3) integers or None
+                                    normal and place of each corner; None: those of its vertex
         smooth : bool               keep the normals; where there are none, make them: the mean of
                                     those of the triangles around a position, weighed by their
                                     angles (Thuermer and Wuethrich 1998). False: flat facets
@@ -75,6 +81,15 @@ class Triangles:
         """
         points, indices = _checked(vertices, faces, where)
         corners = points[indices]
+        given = {
+            name: indexed(values, index, indices, points, f"{where}: {name}", width)
+            for name, values, index, width in (
+                ("normals", normals if smooth else None, normal_faces, 3),
+                ("texture coordinates", places, place_faces, 2),
+            )
+        }
+        identity = _positions(points)[indices]
+        del points, indices
         has_area = _has_area(corners)
         if not has_area.any():
             raise MeshError(
@@ -83,22 +98,22 @@ class Triangles:
             )
         dropped = {"triangles without an area": int((~has_area).sum())}
         if not has_area.all():
-            corners, indices = corners[has_area], indices[has_area]
-        of_vertices = _of_vertices(
-            normals if smooth else None, indices, points, f"{where}: normals"
-        )
-        uv = _of_vertices(places, indices, points, f"{where}: texture coordinates", 2)
-        identity = _positions(points)[indices]
+            corners, identity = corners[has_area], identity[has_area]
+            given = {name: values.of(has_area) for name, values in given.items()}
+        for name, values in given.items():
+            values.check(f"{where}: {name}")
         sign = 1.0
         if _is_closed(identity) and _volume(corners) < 0.0:
             dropped["triangles turned inside out"] = len(corners)
             sign = -1.0
-            corners = np.ascontiguousarray(corners[:, ::-1])
-            indices, identity = indices[:, ::-1], identity[:, ::-1]
+            turned = np.s_[:, ::-1]
+            corners, identity = np.ascontiguousarray(corners[turned]), identity[turned]
+            given = {name: values.of(turned) for name, values in given.items()}
+        of_corners, uv = given.values()
         return cls(
             corners,
-            _corner_normals(of_vertices, sign, indices, corners, identity) if smooth else None,
-            None if uv is None else uv.astype(np.float32)[indices],
+            _corner_normals(of_corners, sign, corners, identity) if smooth else None,
+            None if uv.values is None else uv.values.astype(np.float32, copy=False)[uv.index],
             {name: count for name, count in dropped.items() if count},
         )
 
@@ -115,9 +130,9 @@ class Triangles:
 
 def _checked(
     vertices: ArrayLike, faces: ArrayLike, where: str
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+) -> tuple[NDArray[np.float32], NDArray[Any]]:
     """Positions of the vertices, and the vertices of the triangles."""
-    points, indices = np.asarray(vertices, np.float64), np.asarray(faces)
+    points, indices = real(vertices), np.asarray(faces)
     if indices.size == 0 or points.size == 0:
         raise MeshError(
             f"{where}: has no triangles ({len(points)} vertices); give a file with faces"
@@ -146,31 +161,7 @@ def _checked(
             f"up to {MAX_MAGNITUDE:g} are allowed; correct the file, or scale it by its transform"
         )
     with np.errstate(over="ignore", invalid="ignore"):  # of vertices that are not used
-        return points.astype(np.float32), indices.astype(np.int64, copy=False)
-
-
-def _of_vertices(
-    values: ArrayLike | None,
-    indices: NDArray[np.int64],
-    points: NDArray[np.float32],
-    where: str,
-    width: int = 3,
-) -> NDArray[np.float64] | None:
-    """Values of vertices, finite where a triangle uses them."""
-    if values is None:
-        return None
-    array = np.asarray(values, np.float64)
-    if array.shape != (len(points), width):
-        raise MeshError(f"{where} have the shape {array.shape}; expected {(len(points), width)}")
-    used = np.zeros(len(points), bool)
-    used[indices] = True
-    bad = used & ~np.isfinite(array).all(axis=1)
-    if bad.any():
-        vertex = int(np.flatnonzero(bad)[0])
-        raise MeshError(
-            f"{where}: that of vertex {vertex} is {array[vertex].tolist()}; correct the file"
-        )
-    return array
+        return points.astype(np.float32, copy=False), indices
 
 
 def _blocks(n: int) -> Iterator[slice]:
@@ -190,27 +181,33 @@ def _has_area(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
     return out
 
 
-def _positions(points: NDArray[np.float32]) -> NDArray[np.int64]:
+def _positions(points: NDArray[np.float32]) -> NDArray[np.int32]:
     """A number (m,) for each point, the same for points at the same place."""
     order = np.lexsort(points.T)
-    differs = np.zeros(len(points), np.int64)
+    differs = np.zeros(len(points), np.int32)
     for axis in range(3):
         along = points[order, axis]
         differs[1:] |= along[1:] != along[:-1]
-    out = np.empty_like(order)
+    out = np.empty_like(differs)
     out[order] = np.cumsum(differs, out=differs)
     return out
 
 
-def _is_closed(identity: NDArray[np.int64]) -> bool:
-    n = identity.max() + 1
-    forth = (identity * n + np.roll(identity, -1, axis=1)).ravel()
-    forth.sort()
+def _is_closed(identity: NDArray[np.int32]) -> bool:
+    n = int(identity.max()) + 1
+    forth = _edges(identity, np.roll(identity, -1, axis=1), n)
     if (forth[1:] == forth[:-1]).any():
         return False
-    back = (np.roll(identity, -1, axis=1) * n + identity).ravel()
-    back.sort()
-    return bool((forth == back).all())
+    return bool((forth == _edges(np.roll(identity, -1, axis=1), identity, n)).all())
+
+
+def _edges(start: NDArray[np.int32], end: NDArray[np.int32], n: int) -> NDArray[np.int64]:
+    """A number for each edge between two of n positions, sorted."""
+    out = start.ravel().astype(np.int64)
+    out *= n
+    out += end.ravel()
+    out.sort()
+    return out
 
 
 def _volume(corners: NDArray[np.float32]) -> float:
@@ -223,25 +220,25 @@ def _volume(corners: NDArray[np.float32]) -> float:
 
 
 def _corner_normals(
-    of_vertices: NDArray[np.float64] | None,
+    given: Indexed,
     sign: float,
-    indices: NDArray[np.int64],
     corners: NDArray[np.float32],
-    identity: NDArray[np.int64],
+    identity: NDArray[np.int32],
 ) -> NDArray[np.float32]:
-    """Those of the vertices times a sign; where they are none or have no length, smooth ones."""
+    """Those that are given times a sign; where they are none or have no length, smooth ones."""
     sums = _smooth_sums(corners, identity)
     out = np.empty_like(corners)
     for block in _blocks(len(corners)):
         faces = _unit(_crosses(corners[block]))[:, None]
         found = _unit_or(sums[identity[block]], faces)
-        if of_vertices is not None:
-            found = _unit_or(sign * of_vertices[indices[block]], found)
+        of_file = given.at(block)
+        if of_file is not None:
+            found = _unit_or(sign * of_file.astype(np.float64), found)
         out[block] = found
     return out
 
 
-def _smooth_sums(corners: NDArray[np.float32], identity: NDArray[np.int64]) -> NDArray[np.float64]:
+def _smooth_sums(corners: NDArray[np.float32], identity: NDArray[np.int32]) -> NDArray[np.float64]:
     """Normals of the triangles around each position, weighed by their angles."""
     sums = np.zeros((identity.max() + 1, 3))
     for block in _blocks(len(corners)):
