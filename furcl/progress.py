@@ -128,7 +128,7 @@ def _notebook_bar() -> Iterator[Report]:
 
     progress = _progress()
     task = progress.add_task("setting up", total=None, speed="")
-    output = display(progress.get_renderable(), display_id=True)
+    output = display(progress.make_tasks_table(progress.tasks), display_id=True)
     speed, last = _Speed(), time.monotonic()
 
     def report(done: int, total: int) -> None:
@@ -137,10 +137,10 @@ def _notebook_bar() -> Iterator[Report]:
         progress.update(task, description="rendering", completed=done, total=total, speed=text)
         if output and (time.monotonic() - last >= NOTEBOOK_INTERVAL_S or done >= total):
             last = time.monotonic()
-            output.update(progress.get_renderable())
+            output.update(progress.make_tasks_table(progress.tasks))
 
     try:
         yield report
     finally:
         if output:
-            output.update(progress.get_renderable())
+            output.update(progress.make_tasks_table(progress.tasks))
