@@ -61,7 +61,7 @@ def _shape(density: np.ndarray) -> dict[str, float]:
     }
 
 
-def _distance(a: np.ndarray, b: np.ndarray) -> float:
+def distance(a: np.ndarray, b: np.ndarray) -> float:
     """Half the sum of absolute differences of two densities scaled to sum 1: 0 same, 1 disjoint."""
     return float(0.5 * np.abs(a / a.sum() - b / b.sum()).sum())
 
@@ -102,9 +102,9 @@ def _compare_shapes(
     return {
         "truth": _shape(density),
         "model": _shape(found),
-        "distance": _distance(density, found),
-        "distance_phi": _distance(density.sum(0), found.sum(0)),
-        "distance_s": _distance(density.sum(1), found.sum(1)),
+        "distance": distance(density, found),
+        "distance_phi": distance(density.sum(0), found.sum(0)),
+        "distance_s": distance(density.sum(1), found.sum(1)),
     }
 
 

@@ -2,8 +2,8 @@
 
 A dielectric cylinder of radius 1 with an index-matched core (the medulla) that scatters by
 Henyey-Greenstein and absorbs, around it the absorbing cortex. Only Snell's law, Fresnel's equations
-for unpolarised light, Beer's law and free flights are used: no path lengths, azimuths or
-attenuations of the model. Polarisation is averaged at every interface.
+for unpolarised light and piles of interfaces, Beer's law and free flights are used: no path
+lengths, azimuths or attenuations of the model. Polarisation is averaged at every interface.
 
 The part of the light that has not been scattered is followed exactly: at the surface what leaves is
 scored and the rest goes on; in the medulla the unscattered part goes on and the scattered part
@@ -58,14 +58,14 @@ def simulate(
     """Light from inclination theta_i [rad] on a smooth fibre, uniform over an interval of offsets.
 
     Offset h is that of furcl.bcsdf; the default is the whole width of the fibre. The fibre's eta,
-    kappa, sigmas and g are used; its cuticle is a plain interface without tilt or roughness.
+    kappa, sigmas, g and layers are used; its cuticle has neither tilt nor roughness.
     Offsets are stratified within each of the batches, which give the standard errors.
     """
     rng = np.random.default_rng(seed)
     shape = (batches, len(CLASSES))
     energy, direct = np.zeros((*shape, 3)), np.zeros((*shape, 3))
     histogram = np.zeros((*shape, S_BINS, PHI_BINS))
-    medium = (fibre.eta, fibre.kappa, fibre.sigma_ms, fibre.g)
+    medium = (fibre.eta, fibre.kappa, fibre.sigma_ms, fibre.g, fibre.layers)
     absorb = np.array([fibre.sigma_ca, fibre.sigma_ma])
     per_batch = max(1, photons // batches)
     for b in range(batches):
@@ -80,15 +80,21 @@ def simulate(
 
 
 @njit(cache=True)
-def _reflectance(cos, n):
-    """Unpolarised Fresnel reflectance; n: index beyond over index here."""
+def _reflectance(cos, n, layers):
+    """Reflectance of the cuticle; n: index beyond over index here.
+
+    Fresnel's r for each polarisation; a pile of 2 `layers` interfaces, between which light goes to
+    and fro, reflects 2 l r / (1 + (2 l - 1) r). Half a layer is a plain interface.
+    """
     sin_sq = (1.0 - cos * cos) / (n * n)
     if sin_sq >= 1.0:
         return 1.0
     cos_t = math.sqrt(1.0 - sin_sq)
     r_s = (cos - n * cos_t) / (cos + n * cos_t)
     r_p = (n * cos - cos_t) / (n * cos + cos_t)
-    return 0.5 * (r_s * r_s + r_p * r_p)
+    f_s, f_p = r_s * r_s, r_p * r_p
+    both = f_s / (1.0 + (2.0 * layers - 1.0) * f_s) + f_p / (1.0 + (2.0 * layers - 1.0) * f_p)
+    return layers * both
 
 
 @njit(cache=True)
@@ -128,13 +134,13 @@ def _advance(p, d, length):
 
 
 @njit(cache=True)
-def _meet_surface(p, d, eta, out):
+def _meet_surface(p, d, eta, layers, out):
     """At the surface from inside: the refracted direction into `out`, d reflected; reflectance."""
     r = math.sqrt(p[0] * p[0] + p[1] * p[1])
     p[0] /= r
     p[1] /= r
     cos = max(d[1] * p[0] + d[2] * p[1], 0.0)
-    reflected = _reflectance(cos, 1.0 / eta)
+    reflected = _reflectance(cos, 1.0 / eta, layers)
     if reflected < 1.0:
         bend = math.sqrt(max(1.0 - eta * eta * (1.0 - cos * cos), 0.0)) - eta * cos
         out[0] = eta * d[0]
@@ -176,7 +182,7 @@ def _deflect(rng, d, g):
 @njit(cache=True)
 def _walk(rng, kind, p, d, w, medium, absorb, out, energy, direct, histogram):
     """From a first collision at p of light that flew along d."""
-    eta, kappa, sigma_ms, g = medium
+    eta, kappa, sigma_ms, g, layers = medium
     _deflect(rng, d, g)
     first = True
     full = w.max()
@@ -198,7 +204,7 @@ def _walk(rng, kind, p, d, w, medium, absorb, out, energy, direct, histogram):
         for c in range(3):
             w[c] *= math.exp(-absorb[0, c] * (length - end + begin) - absorb[1, c] * (end - begin))
         _advance(p, d, length)
-        reflected = _meet_surface(p, d, eta, out)
+        reflected = _meet_surface(p, d, eta, layers, out)
         if reflected < 1.0:
             _score(kind, out[0], out[1], out[2], w, 1.0 - reflected, energy, histogram)
             if first:
@@ -213,7 +219,7 @@ def _walk(rng, kind, p, d, w, medium, absorb, out, energy, direct, histogram):
 @njit(cache=True)
 def _run(rng, theta_i, offsets, medium, absorb, photons, energy, direct, histogram):
     """One batch; adds energies per photon."""
-    eta, kappa, sigma_ms, _ = medium
+    eta, kappa, sigma_ms, _, layers = medium
     d, out = np.empty(3), np.empty(3)
     p, w = np.empty(2), np.empty(3)
     d_walk, p_walk, w_walk = np.empty(3), np.empty(2), np.empty(3)
@@ -223,7 +229,7 @@ def _run(rng, theta_i, offsets, medium, absorb, photons, energy, direct, histogr
         d[0], d[1], d[2] = -math.sin(theta_i), -math.cos(theta_i), 0.0
         w[:] = 1.0 / photons
         cos = -(d[1] * p[0] + d[2] * p[1])
-        reflected = _reflectance(cos, eta)
+        reflected = _reflectance(cos, eta, layers)
         _score(0, d[0], d[1] + 2.0 * cos * p[0], d[2] + 2.0 * cos * p[1], w, reflected,
                energy, histogram)  # fmt: skip
         bend = cos / eta - math.sqrt(1.0 - (1.0 - cos * cos) / (eta * eta))
@@ -251,7 +257,7 @@ def _run(rng, theta_i, offsets, medium, absorb, photons, energy, direct, histogr
                     -absorb[0, c] * (length - core) - absorb[1, c] * core
                 )  # fmt: skip
             _advance(p, d, length)
-            reflected = _meet_surface(p, d, eta, out)
+            reflected = _meet_surface(p, d, eta, layers, out)
             _score(1 + min(order, 2), out[0], out[1], out[2], w, 1.0 - reflected,
                    energy, histogram)  # fmt: skip
             w *= reflected

@@ -3,7 +3,7 @@
 #     bash bench/results.sh [KIND...] [--device D] [--quick]
 # Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
 #     intersect 3   stages 1   convergence 13   paper-size 12   features 3   start 1   stability 6   peers 6
-#     fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   docs 0
+#     fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   simulated 12   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
 # Real grooms, the .hair files of the folder GROOMS, are measured where it is there; out/grooms points
@@ -12,7 +12,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
 real_grooms=${GROOMS:-../shared/data/hair}
-all="intersect stages convergence paper-size features start stability peers fibre_truth medulla_tables overhead unbiased stragglers docs"
+all="intersect stages convergence paper-size features start stability peers fibre_truth medulla_tables overhead unbiased stragglers simulated docs"
 device=portable quick= out=bench/results kinds=
 
 refuse() { echo "results.sh: $1" >&2 && exit 2; }
@@ -137,6 +137,10 @@ unbiased() { # whether every variant of the ladder shows the same picture, in ev
 
 stragglers() { # how well machines share a render
     script stragglers -o "$out/stragglers/$name" $(pick "" "single_fibre --parts 2")
+}
+
+simulated() { # simulated scattering beside brute force
+    script simulated_truth -o "$out" $(pick "" "--presets raccoon --theta 60 --photons 1000")
 }
 
 docs() {

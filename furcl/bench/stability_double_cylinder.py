@@ -26,6 +26,7 @@ from furcl.fibre.double_cylinder.profiles import (
     LongitudinalProfiles,
     MedullaProfiles,
 )
+from furcl.fibre.double_cylinder.simulated import SimulatedScattering, tables_of
 from furcl.rendering.probe import Probe
 
 Array = NDArray[np.float64]
@@ -77,25 +78,41 @@ class DoubleCylinderSubject(Subject):
         """Where the chord begins, h' against kappa: either moves with the other kept."""
         return [fibre.replace(kappa=float(rescaled(np.array(fibre.kappa), way)))]
 
-    def prepared(self, features: DoubleCylinderFeatures) -> MedullaProfiles:
+    def prepared(self, features: DoubleCylinderFeatures) -> MedullaProfiles | SimulatedScattering:
+        if features.simulated:
+            return random_simulated(features.profile_channels)
         return random_profiles(features.profile_channels)
 
     def direction_factors(self, probe: Probe) -> Array:
         factors = np.ones(len(probe.lobes))
-        factors[3:5] = self.scattered_factor(probe)
+        factors[3 : 6 if probe.fibre.is_simulated else 5] = self.scattered_factor(probe)
         return factors
 
     def scattered_factor(self, probe: Probe) -> float:
         """That of lobes that the medulla scatters."""
         if probe.material.profiles is None:
             return 1.0
+        if isinstance(probe.material.profiles, SimulatedScattering):
+            return _simulated_factor(probe.material.profiles, probe.sampler)
         return _direction_factor(probe.material.profiles, probe.sampler)
 
     def index(self, fibre: Fibre) -> float:
         return fibre.eta
 
 
+class SimulatedSubject(DoubleCylinderSubject):
+    """The same fibres with simulated scattering, with tables of no particular fibre."""
+
+    def grid(self) -> Iterator[tuple[str, Any, Fibre]]:
+        for name, value, fibre in grid_fibres():
+            yield name, value, fibre.replace(scattering="simulated")
+
+    def random(self, rng: np.random.Generator) -> Fibre:
+        return random_fibre(rng).replace(scattering="simulated")
+
+
 SUBJECT = DoubleCylinderSubject()
+SIMULATED_SUBJECT = SimulatedSubject()
 
 
 def grid_fibres() -> Iterator[tuple[str, float | tuple, Fibre]]:
@@ -154,6 +171,30 @@ def random_profiles(channels: int, seed: int = 1) -> MedullaProfiles:
         0,
         0.0,
     )
+
+
+@functools.cache
+def random_simulated(channels: int, seed: int = 1) -> SimulatedScattering:
+    """Tables of no particular fibre, as `random_profiles`."""
+    rng = np.random.default_rng(seed)
+    rows = layout.SIMULATED_THETAS * layout.SIMULATED_OFFSETS
+    shape = (rows, max(channels, 1), layout.SIMULATED_PHIS, layout.SIMULATED_SINES)
+    energy = np.exp(rng.uniform(-7.0, 0.0, shape))
+    energy *= rng.uniform(0.1, 1.0, (rows, 1, 1, 1)) / energy.sum(axis=(2, 3), keepdims=True)
+    absorbs = {0: 0.0, 1: 0.5, 3: (0.1, 0.5, 1.0)}[channels]
+    fibre = Fibre(kappa=0.6, sigma_ms=1.0, sigma_ca=absorbs, scattering="simulated")
+    return tables_of(fibre, {"energy": energy.astype(np.float32), "summary": np.zeros(3)})
+
+
+def _simulated_factor(tables: SimulatedScattering, sampler) -> float:
+    """As `_direction_factor`."""
+    factor = 1.0
+    if tables.colours is not None and tables.escape is not None:
+        mean = tables.escape.mean(axis=-1, keepdims=True)
+        factor = float(tables.colours.max() * (mean / tables.escape).max())
+    if sampler.scattered_angles == "uniform":
+        factor *= float(4.0 * np.pi * tables.density.max())
+    return factor
 
 
 def _direction_factor(profiles: MedullaProfiles, sampler) -> float:

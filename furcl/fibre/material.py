@@ -12,6 +12,7 @@ from furcl.device import index_checks, layout, program
 from furcl.device.features import Features
 from furcl.device.launch import grid
 from furcl.device.memory import Memory
+from furcl.errors import FibreError
 from furcl.fibre.attenuation import (
     GRAZING_ROWS,
     ROWS_BETWEEN,
@@ -120,7 +121,8 @@ def build_material(
 
     Raises
     ------
-    FibreError, KernelBuildError, ResourceError
+    FibreError, KernelBuildError, ResourceError; FibreError also for absorption that differs, where
+                    the fibre's data are for one
     SamplerError    a sampler of one's own in another mode than "far"
     """
     model = model_of(fibre)
@@ -128,6 +130,9 @@ def build_material(
     sampler = in_mode(sampler, features.mode)  # pyright: ignore[reportArgumentType]
     known = features.mode == "near"
     assert (absorbs is None) == (features.absorption == "constant")
+    why_not = model.why_one_absorption(fibre)
+    if absorbs is not None and why_not:
+        raise FibreError(why_not)
     needed = fibre_features or model.features(fibre, residual=residual)
     params = model.params(fibre)
     if needed.data_words == 0:

@@ -211,6 +211,10 @@ class FibreModel(ABC):
         """The fibre with another value of `absorbed`."""
         return dataclasses.replace(fibre, **{str(self.absorbed): sigma})
 
+    def why_one_absorption(self, fibre: Any) -> str | None:
+        """Why the fibre takes no absorption that differs from hit to hit; None where it does."""
+        return None
+
     def absorption_of_colour(self, fibre: Any, colour: np.ndarray) -> np.ndarray:
         """Absorption (n, 3) for which thick grooms of the fibre take about the colours (n, 3),
         linear, of 1e-6 to 1.

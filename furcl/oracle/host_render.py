@@ -20,6 +20,7 @@ from furcl.fibre.double_cylinder.reference.angles import (
     longitudinal,
     wrapped_gaussian,
 )
+from furcl.fibre.double_cylinder.reference.offsets import lobe_names
 from furcl.fibre.double_cylinder.reference.profiles import MedullaData
 from furcl.groom.curves import Curves
 from furcl.scene.tables import Scene
@@ -40,7 +41,7 @@ class HostRenderer:
     Parameters
     ----------
     scene : Scene
-    profiles : MedullaProfiles      those that the device used; bcsdf.UNSCATTERED leaves out what
+    profiles : object               those that the device used; bcsdf.UNSCATTERED leaves out what
                                     the medulla scatters, None is for one that scatters nothing
     """
 
@@ -51,7 +52,7 @@ class HostRenderer:
         self.fibre: Fibre = scene.build_fibre()
         self.lights = scene.build_lights()
         self._segments = Segments(self.curves)
-        self._lobes = [*reference.LOBES, *([reference.RESIDUAL] if scene.render.residual else [])]
+        self._lobes = list(lobe_names(self.fibre, scene.render.residual))
 
     def pixel(self, x: int, y: int, paths: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Mean radiance (3,) of a pixel and the variance of that mean."""
@@ -163,7 +164,7 @@ class HostRenderer:
     def _direction(self, p: int, name: str, wo: Array, theta: Array, h: Array, rng):
         """Directions (n, 3) of one lobe in the fibre's frame; value over density (n, 3)."""
         n = len(h)
-        if name in ("TTs", "TRTs"):
+        if name in reference.SCATTERED or (name == reference.RESIDUAL and self.fibre.is_simulated):
             return self._scattered_direction(p - 2, name, wo, theta, h, rng)
         p = 2 if name == reference.RESIDUAL else p
         geometry = reference.geometry(self.fibre, h, theta)

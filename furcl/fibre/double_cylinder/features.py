@@ -22,7 +22,9 @@ class MedullaFeatures(FibreFeatures):
     ----------
     medulla : bool              rays may cross a medulla that matters
     scattered : bool            it scatters (kappa > 0 and sigma_ms > 0)
-    profile_channels : int      channels of medulla absorption in the profiles: 0, 1 or 3
+    profile_channels : int      channels of absorption in the profiles: 0, 1 or 3
+    simulated : bool            scattered light leaves as simulated, instead of by profiles, and the
+                                residual lobe as light of its orders does
     layered : bool              cuticle other than a plain interface (layers != 1/2)
     tilt : bool                 alpha != 0
     residual : bool             lobe that holds all others and closes the furnace
@@ -40,6 +42,7 @@ class MedullaFeatures(FibreFeatures):
     layered: bool = True
     tilt: bool = True
     residual: bool = False
+    simulated: bool = False
     dropped_lobes: tuple[str, ...] = ()
 
     @property
@@ -63,7 +66,10 @@ class MedullaFeatures(FibreFeatures):
 
     @property
     def data_words(self) -> int:
-        return layout.profile_words(self.profile_channels) if self.scattered else 0
+        if not self.scattered:
+            return 0
+        words = layout.simulated_words if self.simulated else layout.profile_words
+        return words(self.profile_channels)
 
     def switches(self) -> Mapping[str, int]:
         return {
@@ -79,7 +85,7 @@ class MedullaFeatures(FibreFeatures):
         return kept
 
     def everything_on(self) -> Self:
-        return type(self)(residual=self.residual)
+        return type(self)(residual=self.residual, simulated=self.simulated)
 
     def optional(self) -> dict[str, tuple[bool, str]]:
         lobes = f"lobes {', '.join(self.of_profiles)}"
@@ -90,9 +96,13 @@ class MedullaFeatures(FibreFeatures):
                 self.profile_channels > 0,
                 "sigma_ma is 0: no medulla absorption",
             ),
+            "simulated": (self.simulated, "fibre.scattering is 'model'"),
             "layered": (self.layered, "layers is 1/2: the cuticle is a plain interface"),
             "tilt": (self.tilt, "alpha is 0"),
-            "residual": (self.residual, "render.residual is false: lobe of all other orders"),
+            "residual": (
+                self.residual,
+                "render.residual is false and scattering 'model': lobe of all other orders",
+            ),
         }
 
     def as_dict(self) -> dict[str, Any]:

@@ -23,6 +23,14 @@ PROFILE_PHIS = 128
 PROFILE_THETAS = 16
 PROFILE_SINES = PROFILE_PHIS // 2  # both bands together fill a row of phi: medulla_score.clh
 
+# Tables of simulated scattering (docs/model.md, Simulated scattering): rows over sin(theta_i) and h
+# with cells of phi by s; for light samples bands of |phi| by s, whatever h.
+SIMULATED_THETAS = 8
+SIMULATED_OFFSETS = 12
+SIMULATED_PHIS = 32
+SIMULATED_SINES = 64
+SIMULATED_BANDS = 16
+
 # Photons in which each row over theta_i has its turn, the last one nine times.
 MEDULLA_CYCLE = 24
 
@@ -33,6 +41,11 @@ CONSTANTS: dict[str, int | str] = {
     "FURCL_PROFILE_THETAS": PROFILE_THETAS,
     "FURCL_PROFILE_SINES": PROFILE_SINES,
     "FURCL_MEDULLA_CYCLE": f"{MEDULLA_CYCLE}u",
+    "FURCL_SIMULATED_THETAS": SIMULATED_THETAS,
+    "FURCL_SIMULATED_OFFSETS": SIMULATED_OFFSETS,
+    "FURCL_SIMULATED_PHIS": SIMULATED_PHIS,
+    "FURCL_SIMULATED_SINES": SIMULATED_SINES,
+    "FURCL_SIMULATED_BANDS": SIMULATED_BANDS,
 }
 
 STRUCT: Fields = (
@@ -66,3 +79,13 @@ def profile_words(channels: int) -> int:
     rows = PROFILE_TAUS * PROFILE_OFFSETS
     azimuth = rows * (PROFILE_PHIS * (1 + channels) + channels)
     return azimuth + 4 * PROFILE_THETAS * PROFILE_SINES
+
+
+def simulated_words(channels: int) -> int:
+    """Words of the tables of simulated scattering with 0, 1 or 3 channels of absorption; of three,
+    every cell has three halves."""
+    rows = SIMULATED_THETAS * SIMULATED_OFFSETS
+    cells = rows * SIMULATED_PHIS * SIMULATED_SINES
+    colours = 3 * cells // 2 if channels == 3 else 0
+    bands = SIMULATED_THETAS * SIMULATED_BANDS * SIMULATED_SINES
+    return rows * (channels + SIMULATED_PHIS) + cells + colours + bands

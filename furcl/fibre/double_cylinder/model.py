@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from furcl.fibre.pigment import sigma_ca_from_colours
 if TYPE_CHECKING:
     from furcl.device.choice import Device
     from furcl.fibre.double_cylinder.profiles import MedullaProfiles
+    from furcl.fibre.double_cylinder.simulated import SimulatedScattering
 
 
 class DoubleCylinder(FibreModel):
@@ -41,18 +42,22 @@ class DoubleCylinder(FibreModel):
 
     def features(self, fibre: Fibre, *, residual: bool = False) -> DoubleCylinderFeatures:
         """A medulla matters if kappa > 0 and anything absorbs or scatters: a clear one shortens the
-        way through the cortex. Scattered lobes exist if it scatters."""
+        way through the cortex. Scattered lobes exist if it scatters, and where they are simulated
+        the residual always does."""
         absorbs = any(s > 0.0 for s in fibre.sigma_ma)
-        scattered = fibre.has_medulla
-        grey_medulla = len(set(fibre.sigma_ma)) == 1
+        scattered, simulated = fibre.has_medulla, fibre.is_simulated
+        absorbed, grey = absorbs, len(set(fibre.sigma_ma)) == 1
+        if simulated:
+            absorbed, grey = absorbs or any(s > 0.0 for s in fibre.sigma_ca), self.is_grey(fibre)
         return DoubleCylinderFeatures(
             medulla=scattered
             or (fibre.kappa > 0.0 and (absorbs or any(s > 0.0 for s in fibre.sigma_ca))),
             scattered=scattered,
-            profile_channels=0 if not (scattered and absorbs) else 1 if grey_medulla else 3,
+            profile_channels=0 if not (scattered and absorbed) else 1 if grey else 3,
             layered=fibre.layers != 0.5,
             tilt=fibre.tilt != 0.0,
-            residual=residual,
+            residual=residual or simulated,
+            simulated=simulated,
         )
 
     def is_grey(self, fibre: Fibre) -> bool:
@@ -83,15 +88,30 @@ class DoubleCylinder(FibreModel):
         params["profile_taus_per_cos"] = (layout.PROFILE_TAUS - 1) / (1.0 - cos_min)
         return params
 
-    def prepare(self, device: Device, fibre: Fibre) -> MedullaProfiles | None:
-        """The profiles of the medulla, simulated or loaded; None if it scatters nothing."""
+    def prepare(self, device: Device, fibre: Fibre) -> MedullaProfiles | SimulatedScattering | None:
+        """The profiles of the medulla, or tables of the light that it scatters, simulated or
+        loaded; None if it scatters nothing."""
+        if fibre.is_simulated:
+            from furcl.fibre.double_cylinder.simulated import build_simulated
+
+            return build_simulated(device, fibre)
         from furcl.fibre.double_cylinder.profiles import build_profiles
 
         return build_profiles(device, fibre)
 
-    def draft(self, device: Device, fibre: Fibre) -> tuple[MedullaProfiles | None, bool]:
+    def why_one_absorption(self, fibre: Fibre) -> str | None:
+        if not fibre.is_simulated:
+            return None
+        return (
+            "fibre.scattering = 'simulated': its tables are for one absorption, and strands or "
+            "points have others; allowed is 'model'"
+        )
+
+    def draft(self, device: Device, fibre: Fibre) -> tuple[Any, bool]:
         """Profiles of few photons, where none are stored: tests/test_view_follow.py has their
-        error."""
+        error. Of simulated scattering the tables themselves."""
+        if fibre.is_simulated:
+            return self.prepare(device, fibre), False
         from furcl.fibre.double_cylinder.profiles import draft_profiles
 
         return draft_profiles(device, fibre)
@@ -100,10 +120,12 @@ class DoubleCylinder(FibreModel):
         return sigma_ca_from_colours(colour, fibre.beta_n_deg)
 
     def data(
-        self, prepared: MedullaProfiles | None, features: DoubleCylinderFeatures
+        self,
+        prepared: MedullaProfiles | SimulatedScattering | None,
+        features: DoubleCylinderFeatures,
     ) -> np.ndarray:
-        """The packed profiles; zeros where kernels with scattered lobes run on a fibre that has
-        none."""
+        """The packed profiles or tables; zeros where kernels with scattered lobes run on a fibre
+        that has none."""
         if prepared is None or not features.scattered:
             return np.zeros(features.data_words, np.float32)
         return prepared.pack(features.profile_channels)

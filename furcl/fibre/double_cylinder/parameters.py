@@ -4,7 +4,7 @@ import dataclasses
 import difflib
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 from furcl.errors import FibreError
 from furcl.fibre.pigment import BETA_RANGE_DEG, sigma_ca_from_melanin
@@ -23,6 +23,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "layers": (0.0, 10.0),
 }
 _COLOURS = ("sigma_ca", "sigma_ma")
+
+Scattering = Literal["model", "simulated"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,10 @@ class Fibre:
                         [1 / fibre radius]
     g : float           mean cosine of the medulla's Henyey-Greenstein phase function, -0.99..0.99
     layers : float      layers of the cuticle; 1/2 is a plain interface, 0 reflects nothing, 0..10
+    scattering : str    how light leaves that the medulla has scattered: "model" as published,
+                        without refraction and reflection at the cuticle; "simulated" as light in a
+                        smooth fibre does, with all orders of reflection, so that a fibre that
+                        absorbs nothing returns everything
     provenance : str    where the numbers come from; takes no part in comparisons
 
     Raises
@@ -66,10 +72,15 @@ class Fibre:
     sigma_ma: Triple = (0.0, 0.0, 0.0)
     g: float = 0.0
     layers: float = 0.5
+    scattering: Scattering = "model"
     provenance: str = dataclasses.field(default="given by the user", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         check_parameters(self, RANGES, _COLOURS, _UNITS)
+        if self.scattering not in get_args(Scattering):
+            raise FibreError(
+                f"fibre.scattering = {self.scattering!r} - allowed are 'model' and 'simulated'"
+            )
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> "Fibre":
@@ -110,12 +121,13 @@ class Fibre:
         ------
         FibreError   unknown parameter or value outside its range
         """
+        known = [*RANGES, "scattering"]
         for name in changes:
-            if name not in RANGES and name != "provenance":
-                near = difflib.get_close_matches(name, RANGES, 1, 0.0)[0]
+            if name not in known and name != "provenance":
+                near = difflib.get_close_matches(name, known, 1, 0.0)[0]
                 raise FibreError(
                     f"fibre.{name} is not a parameter - did you mean {near}? - "
-                    f"allowed are {', '.join(RANGES)}"
+                    f"allowed are {', '.join(known)}"
                 )
         if changes and "provenance" not in changes:
             changes["provenance"] = f"{self.provenance}; changed: {', '.join(sorted(changes))}"
@@ -140,6 +152,11 @@ class Fibre:
     def beta_n(self) -> float:
         """Azimuthal roughness [rad]."""
         return math.radians(self.beta_n_deg)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether scattered light leaves as it was simulated to, and all orders have a lobe."""
+        return self.scattering == "simulated"
 
     @property
     def has_medulla(self) -> bool:

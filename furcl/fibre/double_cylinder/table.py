@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from furcl.fibre.double_cylinder.parameters import RANGES, Fibre
+from furcl.fibre.double_cylinder.parameters import RANGES, Fibre, Scattering
 from furcl.fibre.melanin import Melanin
 from furcl.fibre.model import ModelTable
 from furcl.fibre.pigment import COLOUR_RANGE, sigma_ca_from_colour, sigma_ca_from_melanin
@@ -45,10 +45,16 @@ class FibreTable(ModelTable, frozen=True, kw_only=True, tag_field="model", tag="
     sigma_ma: Rgb | None = None
     g: float | None = None
     layers: float | None = None
+    scattering: Scattering | None = None
     colour: tuple[float, float, float] | None = None
     melanin: Melanin | None = None
 
     def __post_init__(self) -> None:
+        if self.scattering == "simulated" and self.absorption is not None:
+            raise ValueError(
+                "scattering = 'simulated': its tables are for one absorption and there is "
+                "absorption; leave that out, or scattering"
+            )
         ways = [k for k in ("sigma_ca", "colour", "melanin") if getattr(self, k) is not None]
         ways += ["absorption"] if self.absorption and self.absorption.has_values else []
         if len(ways) > 1:

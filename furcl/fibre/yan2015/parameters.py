@@ -6,6 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import ClassVar
 
+from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import RANGES as DOUBLE_CYLINDER_RANGES
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.ranges import number
@@ -22,7 +23,7 @@ class Yan2015Fibre(Fibre):
     eta_m : float       index of refraction of the medulla over that outside the fibre, 1.0001..3;
                         that of the cortex makes it a double cylinder
 
-    The others are those of `furcl.Fibre`.
+    The others are those of `furcl.Fibre`; scattering is as in the model alone.
 
     Raises
     ------
@@ -35,6 +36,11 @@ class Yan2015Fibre(Fibre):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.is_simulated:
+            raise FibreError(
+                "fibre.scattering = 'simulated': fibre.model = 'yan2015' has a medulla that "
+                "refracts, for which nothing is simulated; allowed is 'model'"
+            )
         value = number("eta_m", self.eta_m, RANGES["eta_m"], " (medulla over outside)")
         object.__setattr__(self, "eta_m", value)
 

@@ -139,7 +139,7 @@ def attenuation_tables(
     -------
     (rows, lobes, bins) float64     five lobes, or six with the residual
     """
-    table = np.zeros((rows, len(LOBES) + residual, bins))
+    table = np.zeros((rows, len(LOBES) + (residual or fibre.is_simulated), bins))
     for row, theta in enumerate(np.arccos(np.linspace(1.0, 0.0, rows) ** 2)):
         table[row] = bin_means(fibre, float(theta), profiles, bins, n, residual)
     return table

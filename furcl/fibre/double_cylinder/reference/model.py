@@ -1,11 +1,14 @@
 """The scattering function, and the density of each lobe's directions, at a given offset h."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.reference import scattered
+from furcl.fibre.double_cylinder.reference import scattered, whole_fibre
 from furcl.fibre.double_cylinder.reference.angles import D_p, centre_and_width, longitudinal
+from furcl.fibre.double_cylinder.reference.offsets import lobe_names
 from furcl.fibre.double_cylinder.reference.optics import LOBES, RESIDUAL, SCATTERED, attenuation
 from furcl.fibre.double_cylinder.reference.pairs import (
     Pair,
@@ -16,7 +19,6 @@ from furcl.fibre.double_cylinder.reference.pairs import (
 from furcl.fibre.double_cylinder.reference.profiles import (
     UNSCATTERED,
     MedullaData,
-    Profiles,
     profiles_in_use,
 )
 
@@ -56,7 +58,7 @@ def evaluate(
     The far field is the mean of this over h in [-1, 1].
     """
     pair = pair_of(fibre, wo, wi, h)
-    names = [*LOBES, *([RESIDUAL] if residual else [])] if lobe is None else [lobe_name(lobe)]
+    names = lobe_names(fibre, residual) if lobe is None else [lobe_name(lobe)]
     used = profiles_in_use(fibre, profiles) if {*SCATTERED, RESIDUAL} & set(names) else None
     a = attenuation(
         fibre, pair.h, pair.theta_i, UNSCATTERED if used is None else used, RESIDUAL in names
@@ -67,8 +69,15 @@ def evaluate(
     return total
 
 
-def value(fibre: Fibre, pair: Pair, name: str, used: Profiles | None, a: Array) -> Array:
+def value(fibre: Fibre, pair: Pair, name: str, used: Any, a: Array) -> Array:
     """Value (..., 3) of one lobe whose attenuation is a (..., 3)."""
+    if name == RESIDUAL and fibre.is_simulated:
+        never = attenuation(fibre, pair.h, pair.theta_i, UNSCATTERED)[RESIDUAL]
+        return never * _never_scattered(fibre, pair)[..., None] + _simulated_value(
+            fibre, pair, name, used, a - never
+        )
+    if name in SCATTERED and fibre.is_simulated:
+        return _simulated_value(fibre, pair, name, used, a)
     if name not in SCATTERED:
         return a * density(fibre, pair, name, used, False)[..., None]
     if used is None:
@@ -82,17 +91,54 @@ def value(fibre: Fibre, pair: Pair, name: str, used: Profiles | None, a: Array) 
     return entering * part * along[..., None]
 
 
-def density(
-    fibre: Fibre, pair: Pair, name: str, used: Profiles | None, uniform_angles: bool
-) -> Array:
+def _simulated_value(fibre: Fibre, pair: Pair, name: str, used: Any, a: Array) -> Array:
+    """Value (..., 3) of light that the medulla has scattered, of attenuation a."""
+    if used is None:
+        return np.zeros_like(a)
+    h_t = pair.geo.h_t
+    whole = whole_fibre.escape(fibre, used, pair.theta_i, h_t)
+    _, part = whole_fibre.leaving(fibre, used, pair.theta_i, h_t, pair.phi_q(name), pair.s_o)
+    return np.divide(a, whole, out=np.zeros_like(a), where=whole > 0.0) * part
+
+
+def _never_scattered(fibre: Fibre, pair: Pair) -> Array:
+    """Density (...) of the light of the residual that was never scattered, where scattering is
+    simulated: about the azimuth of TRRT, with the inclination of TRT."""
+    mu, beta = centre_and_width(fibre, 2, pair.theta_i, pair.phi)
+    along = longitudinal(pair.theta_o, mu, beta * beta)
+    return along * D_p(fibre, 3, pair.phi - pair.geo.Phi(3))
+
+
+def unscattered_share(fibre: Fibre, theta_i: Array, h: Array, used: Any) -> Array:
+    """Share (...) of light that was never scattered in the residual, mean of the channels."""
+    never = attenuation(fibre, h, theta_i, UNSCATTERED, True)[RESIDUAL].mean(-1)
+    if used is None:
+        return np.ones_like(never)
+    whole = attenuation(fibre, h, theta_i, used, True)[RESIDUAL].mean(-1)
+    return np.divide(never, whole, out=np.ones_like(never), where=whole > 0.0)
+
+
+def density(fibre: Fibre, pair: Pair, name: str, used: Any, uniform_angles: bool) -> Array:
     """Density (...) of one lobe's directions per solid angle; of TTs and TRTs over the whole
     sphere, or from the profiles."""
+    if name == RESIDUAL and fibre.is_simulated:
+        share = unscattered_share(fibre, pair.theta_i, pair.h, used)
+        other = density(fibre, pair, "TTs", used, True) if uniform_angles else np.zeros(share.shape)
+        if used is not None and not uniform_angles:
+            other, _ = whole_fibre.leaving(
+                fibre, used, pair.theta_i, pair.geo.h_t, pair.phi_q(name), pair.s_o
+            )
+        return share * _never_scattered(fibre, pair) + (1.0 - share) * other
     if name in SCATTERED:
         if uniform_angles:
             return np.full(pair.phi.shape, 1.0 / (4.0 * np.pi))
         if used is None:
             return np.zeros(pair.phi.shape)
         geo = pair.geo
+        if fibre.is_simulated:
+            return whole_fibre.leaving(
+                fibre, used, pair.theta_i, geo.h_t, pair.phi_q(name), pair.s_o
+            )[0]
         azimuth, _ = scattered.azimuthal(fibre, used, geo.cos_theta_t, geo.h_t, pair.phi_q(name))
         return azimuth * scattered.longitudinal(fibre, used, pair.theta_i, pair.s_o, pair.phi)
     p = 2 if name == RESIDUAL else LOBES.index(name)
@@ -135,6 +181,8 @@ def direction_pdf(
     """
     pair, name = pair_of(fibre, wo, wi, h), lobe_name(lobe)
     uniform = sampling_name(sampling) != "full-cdf"
+    if name == RESIDUAL and fibre.is_simulated:
+        return density(fibre, pair, name, profiles_in_use(fibre, profiles), uniform)
     if name not in SCATTERED or not fibre.has_medulla:
         return density(fibre, pair, name, None, False)
     used = None if uniform else profiles_in_use(fibre, profiles)

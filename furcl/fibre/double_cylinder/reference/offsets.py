@@ -60,13 +60,13 @@ def joint_densities(
     h, theta = checked(h, theta)
     choice = choice_of(sampling, fibre, theta.ravel(), profiles, residual)
     q = choice.densities(h.ravel())
-    names = lobe_names(residual)
+    names = lobe_names(fibre, residual)
     return {name: row.reshape(h.shape) for name, row in zip(names, q, strict=True)}
 
 
-def lobe_names(residual: bool) -> Sequence[str]:
+def lobe_names(fibre: Fibre, residual: bool) -> Sequence[str]:
     """The lobes among which is chosen, in the order of their indices."""
-    return (*LOBES, RESIDUAL) if residual else LOBES
+    return (*LOBES, RESIDUAL) if residual or fibre.is_simulated else LOBES
 
 
 class UniformOffset:
@@ -97,7 +97,7 @@ class BinnedOffset:
     def __init__(self, fibre: Fibre, theta: Array, profiles: MedullaData, residual: bool) -> None:
         inclinations, self._row = np.unique(np.abs(theta), return_inverse=True)
         means = [bin_means(fibre, t, profiles, BINS, NODES, residual) for t in inclinations]
-        self._means = np.reshape(means, (-1, len(lobe_names(residual)), BINS))
+        self._means = np.reshape(means, (-1, len(lobe_names(fibre, residual)), BINS))
         # Half the integral over h, of all lobes: the albedo.
         self._albedo = self._means.mean(2).sum(1)
 

@@ -9,6 +9,7 @@ from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference.profiles import MedullaData, profiles_in_use
 from furcl.fibre.double_cylinder.reference.scattered import escape
+from furcl.fibre.double_cylinder.reference.whole_fibre import escape as escape_of_fibre
 
 LOBES = ("R", "TT", "TRT", "TTs", "TRTs")
 """The five lobes in the order used everywhere; an s marks light scattered in the medulla."""
@@ -134,7 +135,8 @@ def attenuation(
     theta_in : (...)    inclination of the known direction [rad], [-pi/2, pi/2]
     profiles            scattering profiles of the medulla, UNSCATTERED to leave out what it
                         scatters, or None if it scatters nothing
-    residual : bool     adds the lobe "residual": TRRT and all later orders
+    residual : bool     adds the lobe "residual": TRRT and all later orders; it is always there
+                        where scattering is simulated
 
     Returns
     -------
@@ -147,7 +149,8 @@ def attenuation(
     R = F, TT = (1-F)^2 T, TRT = (1-F)^2 F T^2 with T the unscattered transmittance of one crossing;
     the scattered lobes are E_p q times the fraction that escapes absorption in the medulla. All
     that is scattered leaves the fibre: its exit through the cuticle is not attenuated, only the
-    radial stretch of cortex is.
+    radial stretch of cortex is. Where scattering is simulated that fraction is the one of its
+    tables, and there is no such stretch.
 
     With all profiles and no absorption R + ... + TRTs = 1 - (1-F) F^2 T^2; the residual lobe is
     exactly the rest, [(1-F)^2 F^2 T^3 + (1-F) F^2 T^2 E q esc] / (1 - F T), E being the cortex on
@@ -168,8 +171,12 @@ def attenuation(
     scattered = np.zeros_like(log_t)
     if used is not None:
         q = -np.expm1(-2.0 * s_m * ms)
-        entry_and_exit = np.exp(-(s_c + (1.0 - fibre.kappa)) * ca)
-        scattered = entry_and_exit * q * escape(fibre, used, geo.cos_theta_t, geo.h_t)
+        if fibre.is_simulated:
+            theta = np.broadcast_to(theta_in, geo.h_t.shape)
+            scattered = np.exp(-s_c * ca) * q * escape_of_fibre(fibre, used, theta, geo.h_t)
+        else:
+            entry_and_exit = np.exp(-(s_c + (1.0 - fibre.kappa)) * ca)
+            scattered = entry_and_exit * q * escape(fibre, used, geo.cos_theta_t, geo.h_t)
     result = {
         "R": f * np.ones(3),
         "TT": passed**2 * t,
@@ -177,7 +184,7 @@ def attenuation(
         "TTs": passed * scattered,
         "TRTs": passed * f * t * scattered,
     }
-    if residual:
+    if residual or fibre.is_simulated:
         end = passed * t + scattered
         # 1 - F T with F -> 1 and T = 1: passed is exact, expm1 keeps the rest.
         rest = passed - f * np.expm1(log_t)

@@ -28,9 +28,10 @@ class Pair:
     geo: Geometry
 
     def phi_q(self, lobe: str) -> Array:
-        """Azimuth of wi, seen from the ray that TTs or TRTs scatters where it enters the
-        medulla."""
-        turned = np.pi + 2.0 * self.geo.gamma_t if lobe == "TRTs" else 0.0
+        """Azimuth of wi, seen from the ray that TTs or TRTs scatters where it enters the medulla;
+        of the residual, after two reflections."""
+        reflections = {"TTs": 0, "TRTs": 1, RESIDUAL: 2}[lobe]
+        turned = reflections * (np.pi + 2.0 * self.geo.gamma_t)
         return self.phi - (self.geo.gamma_t - self.geo.gamma_i) - turned
 
 

@@ -5,7 +5,7 @@ others may.
 """
 
 import reprlib
-from typing import Final, Protocol, TypeAlias, cast
+from typing import Any, Final, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,22 @@ class Profiles(Protocol):
     def escape(self) -> NDArray[np.floating] | None: ...
 
 
+class Tables(Protocol):
+    """Tables of simulated scattering of one material.
+
+    density (T, H, P, S) per unit of phi and s, integral 1; escape (T, H, 3 or 1), the share that
+    leaves of each channel, or None for 1; colours (T, H, P, S, 3), each channel over their mean, or
+    None for 1.
+    """
+
+    @property
+    def density(self) -> NDArray[np.floating]: ...
+    @property
+    def escape(self) -> NDArray[np.floating] | None: ...
+    @property
+    def colours(self) -> NDArray[np.floating] | None: ...
+
+
 class Unscattered:
     """The type of UNSCATTERED."""
 
@@ -59,21 +75,24 @@ UNSCATTERED: Final = Unscattered()
 """In place of profiles: light that the medulla scatters is left out. TTs and TRTs are zero, and the
 residual lobe is what was never scattered."""
 
-MedullaData: TypeAlias = Profiles | Unscattered | None
+MedullaData: TypeAlias = Profiles | Tables | Unscattered | None
 """What the public functions take; None only for a fibre whose medulla scatters nothing."""
 
 
-def profiles_in_use(fibre: Fibre, profiles: MedullaData) -> Profiles | None:
-    """The profiles to look up; None where nothing scatters, or what scatters is left out.
+def profiles_in_use(fibre: Fibre, profiles: MedullaData) -> Any:
+    """The profiles to look up, or the tables of a fibre whose scattering is simulated; None where
+    nothing scatters, or what scatters is left out.
 
     Raises
     ------
     FibreError      no profiles of a medulla that scatters, or something else in their place
     """
     left_out = profiles is None or isinstance(profiles, Unscattered)
-    if not left_out and not all(hasattr(profiles, part) for part in ("azimuth", "longitudinal")):
+    parts = ("density", "escape") if fibre.is_simulated else ("azimuth", "longitudinal")
+    if not left_out and not all(hasattr(profiles, part) for part in parts):
         raise FibreError(
-            f"bcsdf: profiles = {reprlib.repr(profiles)} - allowed are the profiles of a medulla, "
+            f"bcsdf: profiles = {reprlib.repr(profiles)} - allowed are the profiles of a medulla "
+            f"for scattering = {fibre.scattering!r}, "
             "bcsdf.UNSCATTERED or None - pass probe.material.profiles; a lobe is named by lobe="
         )
     if not fibre.has_medulla:
@@ -85,4 +104,4 @@ def profiles_in_use(fibre: Fibre, profiles: MedullaData) -> Profiles | None:
             "furcl.Probe(fibre).material.profiles, or bcsdf.UNSCATTERED to leave out all light "
             "that the medulla scatters"
         )
-    return None if left_out else cast(Profiles, profiles)
+    return None if left_out else profiles

@@ -4,16 +4,16 @@ Written from the model and the paper alone; the kernels' samplers approximate th
 """
 
 import reprlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furcl.errors import FibreError
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.reference import scattered
+from furcl.fibre.double_cylinder.reference import scattered, whole_fibre
 from furcl.fibre.double_cylinder.reference.angles import centre_and_width
-from furcl.fibre.double_cylinder.reference.model import density, value
+from furcl.fibre.double_cylinder.reference.model import density, unscattered_share, value
 from furcl.fibre.double_cylinder.reference.offsets import choice_of, lobe_names
 from furcl.fibre.double_cylinder.reference.optics import (
     LOBES,
@@ -30,7 +30,7 @@ from furcl.fibre.double_cylinder.reference.pairs import (
     sampling_name,
     unit_vectors,
 )
-from furcl.fibre.double_cylinder.reference.profiles import MedullaData, Profiles, profiles_in_use
+from furcl.fibre.double_cylinder.reference.profiles import MedullaData, profiles_in_use
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def pdf(
     FibreError          as `evaluate`; unknown sampling; the residual lobe without residual = True
     """
     pair = pair_of(fibre, wo, wi, h)
-    names = lobe_names(residual)
+    names = lobe_names(fibre, residual)
     asked = names if lobe is None else [lobe_name(lobe)]
     if asked[0] not in names:
         raise FibreError(
@@ -161,18 +161,16 @@ def sample(
     lobe, h = choice.draw(rng)
     q = choice.densities(h)
     wi, weight, density_of = np.zeros(wo.shape), np.zeros(wo.shape), np.zeros(len(wo))
-    for index, name in enumerate(lobe_names(residual)):
+    for index, name in enumerate(lobe_names(fibre, residual)):
         mine = np.flatnonzero(lobe == index)
         if not len(mine):
             continue
-        pair = _draw_direction(
-            fibre, name, theta[mine], h[mine], None if uniform_angles else used, rng
-        )
+        pair = _draw_direction(fibre, name, theta[mine], h[mine], used, uniform_angles, rng)
         cos, phi = np.cos(pair.theta_o), azimuth[mine] + pair.phi
         wi[mine] = np.stack([pair.s_o, cos * np.cos(phi), cos * np.sin(phi)], 1)
         of_lobe = density(fibre, pair, name, used, uniform_angles)
         a = attenuation(fibre, pair.h, pair.theta_i, profiles, name == RESIDUAL)[name]
-        if name in SCATTERED:
+        if name in SCATTERED or (name == RESIDUAL and fibre.is_simulated):
             a = value(fibre, pair, name, used, a) / of_lobe[:, None]
         weight[mine] = 0.5 * a / q[index, mine, None]
         density_of[mine] = q[index, mine] * of_lobe
@@ -184,16 +182,21 @@ def _draw_direction(
     name: str,
     theta: Array,
     h: Array,
-    used: Profiles | None,
+    used: Any,
+    uniform_angles: bool,
     rng: np.random.Generator,
 ) -> Pair:
     """Directions of one lobe for each of theta, h (n,), in the model's angles; those of TTs and
-    TRTs from the profiles in use, uniform on the sphere if there are none."""
+    TRTs from the profiles in use, or uniform on the sphere."""
     geo, n = geometry(fibre, h, theta), len(h)
-    if name in SCATTERED and used is None:
+    if name == RESIDUAL and fibre.is_simulated:
+        return _draw_later(fibre, theta, h, used, uniform_angles, rng)
+    if name in SCATTERED and uniform_angles:
         phi, s = rng.uniform(-np.pi, np.pi, n), rng.uniform(-1.0, 1.0, n)
         return Pair(theta, np.arcsin(s), s, phi, h, geo)
-    if name in SCATTERED and used is not None:
+    if name in SCATTERED and fibre.is_simulated:
+        return _draw_simulated(fibre, name, theta, h, used, rng)
+    if name in SCATTERED:
         start = Pair(theta, theta, theta, np.zeros(n), h, geo).phi_q(name)
         phi = scattered.draw_azimuth(fibre, used, geo.cos_theta_t, geo.h_t, rng) - start
         s = scattered.draw_sine(fibre, used, theta, phi, rng)
@@ -204,6 +207,33 @@ def _draw_direction(
         phi = rng.uniform(-np.pi, np.pi, n)
     # R depends on phi, which therefore comes first.
     theta_o = draw_inclination(*centre_and_width(fibre, p, theta, phi), rng)
+    return Pair(theta, theta_o, np.sin(theta_o), phi, h, geo)
+
+
+def _draw_simulated(
+    fibre: Fibre, name: str, theta: Array, h: Array, used: Any, rng: np.random.Generator
+) -> Pair:
+    geo = geometry(fibre, h, theta)
+    start = Pair(theta, theta, theta, np.zeros(len(h)), h, geo).phi_q(name)
+    phi, s = whole_fibre.draw(fibre, used, theta, geo.h_t, rng)
+    return Pair(theta, np.arcsin(s), s, phi - start, h, geo)
+
+
+def _draw_later(
+    fibre: Fibre, theta: Array, h: Array, used: Any, uniform_angles: bool, rng: np.random.Generator
+) -> Pair:
+    """Of the residual lobe, all orders that have none: light that was never scattered, or other."""
+    geo, n = geometry(fibre, h, theta), len(h)
+    phi = geo.Phi(3) + 2.0 * fibre.beta_n * rng.standard_normal(n)
+    theta_o = draw_inclination(*centre_and_width(fibre, 2, theta, phi), rng)
+    other = rng.random(n) >= unscattered_share(fibre, theta, h, used)
+    if used is not None and other.any():
+        if uniform_angles:
+            phi[other] = rng.uniform(-np.pi, np.pi, other.sum())
+            theta_o[other] = np.arcsin(rng.uniform(-1.0, 1.0, other.sum()))
+        else:
+            drawn = _draw_simulated(fibre, RESIDUAL, theta[other], h[other], used, rng)
+            phi[other], theta_o[other] = drawn.phi, drawn.theta_o
     return Pair(theta, theta_o, np.sin(theta_o), phi, h, geo)
 
 
