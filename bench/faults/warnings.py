@@ -37,7 +37,7 @@ _SCENES = {
         "outside the picture",
     ),
     "a view between strands": (
-        "[camera]\norigin = [9.0, 0.0, 0.0]\ntarget = [0.0, 0.0, 1.3]\nvfov_deg = 0.1\n",
+        "[camera]\norigin = [9.0, 0.0, 0.0]\ntarget = [0.0, 0.3, 0.4]\nvfov_deg = 0.1\n",
         "looks between them",
     ),
     "a groom smaller than a pixel": (
