@@ -5,6 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from furcl.errors import GroomError
+from furcl.groom import flatten
 from furcl.groom.flatten import LENGTH_SHARE, RADIUS_SHARE, Spans, flattened, places
 from furcl.groom.formats.format import Strands
 
@@ -84,6 +85,28 @@ def test_radii_bend_too():
     np.testing.assert_allclose(r, 0.1 + 0.9 * x**3, atol=1e-6)
     t = np.linspace(0, 1, 200)
     assert np.abs(np.interp(t, x, r) - (0.1 + 0.9 * t**3)).max() <= RADIUS_SHARE * 1.0
+
+
+@pytest.mark.parametrize("basis", ["bezier", "bspline", "catmull-rom"])
+def test_in_parts_as_at_once(basis, monkeypatch):
+    """Strands of any lengths, one longer than a part; values of points and of strands."""
+    rng = np.random.default_rng(2)
+    counts = 1 + 3 * rng.integers(1, 9, 40)
+    counts[7] = 1 + 3 * 60
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    values = {"of points": rng.random(offsets[-1]), "of strands": rng.random((40, 3))}
+    given = Strands(
+        rng.normal(size=(offsets[-1], 3)), rng.random(offsets[-1]), offsets, "x", values
+    )
+    at_once = flattened(given, basis)
+    monkeypatch.setattr(flatten, "AT_ONCE", 50)
+    in_parts = flattened(given, basis)
+    np.testing.assert_array_equal(in_parts.points, at_once.points)
+    np.testing.assert_array_equal(in_parts.radii, at_once.radii)
+    np.testing.assert_array_equal(in_parts.offsets, at_once.offsets)
+    for name in values:
+        np.testing.assert_array_equal(in_parts.attributes[name], at_once.attributes[name])
+    assert len(in_parts.attributes["of points"]) == len(in_parts.points)
 
 
 @pytest.mark.parametrize("basis", ["bspline", "catmull-rom"])

@@ -10,7 +10,7 @@ either. tests/test_flatten.py measures it.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,8 @@ RADIUS_SHARE = 0.25
 #: ... and this share of the length of its control polygon.
 LENGTH_SHARE = 1e-4
 TOLERANCE = "the larger of a quarter of the strand's largest radius and 1/10,000 of its length"
+#: Control points that are flattened at once: bounds the memory that it takes, some kB each.
+AT_ONCE = 1 << 12
 #: Halvings of a span; by then its inner control points are within LENGTH_SHARE in any case.
 MAX_DEPTH = 10
 
@@ -189,25 +191,55 @@ def flattened(strands: Strands, basis: str) -> Strands:
     offsets = strands.offsets
     if offsets is None:
         offsets = np.arange(len(points) + 1, dtype=np.int64) * points.shape[1]
+    offsets = np.asarray(offsets, np.int64)
     points = points.reshape(-1, 3)
     radii = np.asarray(strands.radii, np.float64)
     radii = np.broadcast_to(radii.reshape(-1) if radii.ndim else radii, len(points))
-    spans = Spans(offsets, basis, source=strands.source)
-    bezier_points, bezier_radii = spans.bezier(points), spans.bezier(radii)
-    found = places(spans, [bezier_points], bezier_radii)
-    n_strands = len(offsets) - 1
-    attributes = {}
-    for name, array in strands.attributes.items():
-        values = np.asarray(array)
-        of_strands = len(values) == n_strands
-        attributes[name] = values if of_strands else found.of(spans.bezier(values))
+    _span_counts(np.diff(offsets), basis, "nonperiodic", strands.source)
+    values = {name: np.asarray(array) for name, array in strands.attributes.items()}
+    of_points = {name: array for name, array in values.items() if len(array) != len(offsets) - 1}
+    parts = [
+        _flattened_part(
+            points[part], radii[part], own, basis, {k: v[part] for k, v in of_points.items()}
+        )
+        for part, own in _blocks_of_strands(offsets)
+    ]
+    found, found_radii, counts, at_points = zip(*parts, strict=True)
     return dataclasses.replace(
         strands,
-        points=found.of(bezier_points),
+        points=np.concatenate(found),
+        radii=np.concatenate(found_radii),
+        offsets=np.concatenate([[0], np.cumsum(np.concatenate(counts))]),
+        attributes=values | {k: np.concatenate([part[k] for part in at_points]) for k in of_points},
+    )
+
+
+def _blocks_of_strands(offsets: NDArray[np.int64]) -> Iterator[tuple[slice, NDArray[np.int64]]]:
+    """Control points of whole strands, about AT_ONCE, and the offsets of these strands in them."""
+    begin, n = 0, len(offsets) - 1
+    while begin < n or n == 0:
+        end = int(np.searchsorted(offsets, offsets[begin] + AT_ONCE, side="right")) - 1
+        end = min(max(end, begin + 1), n)
+        yield (
+            slice(int(offsets[begin]), int(offsets[end])),
+            offsets[begin : end + 1] - offsets[begin],
+        )
+        if n == 0:
+            return
+        begin = end
+
+
+def _flattened_part(points, radii, offsets, basis, values):
+    """Points, radii, points of each strand, and values of points, of some strands."""
+    spans = Spans(offsets, basis)
+    bezier_points, bezier_radii = spans.bezier(points), spans.bezier(radii)
+    found = places(spans, [bezier_points], bezier_radii)
+    return (
+        found.of(bezier_points),
         # A cubic of radii above 0 may dip below between them.
-        radii=np.maximum(found.of(bezier_radii), 0.0),
-        offsets=found.offsets,
-        attributes=attributes,
+        np.maximum(found.of(bezier_radii), 0.0),
+        np.diff(found.offsets),
+        {name: found.of(spans.bezier(array)) for name, array in values.items()},
     )
 
 
