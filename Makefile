@@ -1,10 +1,10 @@
-# make demo | test | test-slow | debug-render | lint | types | imports | docs | lock | clean. Each sets up what it needs in .venv.
+# make demo | test | test-slow | debug-render | gpu-check | lint | types | imports | docs | lock | clean. Each sets up what it needs in .venv.
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := --size 384x384 --spp 32 --time-limit 50
 DEBUG_SCENES := red_fox extreme/bright_pixel
 
-.PHONY: demo test test-slow debug-render lint types imports docs lock clean setup
+.PHONY: demo test test-slow debug-render gpu-check lint types imports docs lock clean setup
 .DEFAULT_GOAL := demo
 
 # Render black hair to out/black_hair.exr and out/black_hair.png, in less than a minute.
@@ -22,6 +22,15 @@ test-slow: $(VENV)/.device
 debug-render: $(VENV)/.device
 	set -e; for scene in $(DEBUG_SCENES); do FURCL_DEBUG=1 $(BIN)/furcl render scenes/$$scene.toml \
 	    -o out/debug/$$(basename $$scene).exr --size 32x32 --spp 2; done
+
+# Kernels built for NVIDIA's and AMD's GPUs, of which none is needed: registers, stack, spills. As many variants as
+# the compile matrix has: ARGS=--pairs. The compilers, 0.5 GB, go into a folder of their own.
+gpu-check: $(VENV)/.installed out/gpu-tools/.installed
+	$(BIN)/python bench/gpu_check.py $(ARGS)
+
+out/gpu-tools/.installed: bench/install_gpu_tools.sh | $(VENV)/.installed
+	BIN=$(BIN) bash bench/install_gpu_tools.sh out/gpu-tools
+	touch $@
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import check_tables
 import convergence_tables
+import gpu_tables
 import intersect_tables
 import ladder_tables
 import model_tables
@@ -31,6 +32,7 @@ DOCUMENTS = {
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
     "models/index.md": models_tables.TABLES,
+    "gpu.md": gpu_tables.TABLES,
     "sharing.md": sharing_tables.TABLES,
     "where_it_pays.md": where_it_pays_tables.TABLES,
 }

@@ -11,19 +11,15 @@ from model_checks import directions
 from scene_documents import fur_patch
 
 from furcl.bench import features as bench
+from furcl.bench.variants import EVERY_LAYER, VALUES, features_of, pairwise, reachable
 from furcl.device import program
 from furcl.device.features import Features
-from furcl.device.layout import ABSORPTIONS, FILTERS, LAYERS, MODES, SEQUENCES
 from furcl.device.source import kernel_text
-from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
 from furcl.fibre.double_cylinder.model import MODEL
 from furcl.fibre.material import NEGLIGIBLE_SHARE
 from furcl.groom.curves import Curves
-from furcl.light import kinds as lights
-from furcl.light.lamps.layout import KINDS, LampsPart
 from furcl.paths import scene_folder
-from furcl.rendering.layers import LayerPart
 from furcl.rendering.learning import LearningPart
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
@@ -33,75 +29,6 @@ from furcl.scene.read import load_scene, with_overrides
 from furcl.surface.ellipsoid import PART
 from furcl.surface.mesh.mesh import EVERY_MESH, MeshPart
 
-EVERY_LAYER = LayerPart(LAYERS, tuple(lobe.name for lobe in MODEL.lobes))
-
-# Every field of Features and of the fibre's, and the values that scenes can give it.
-FIBRE_VALUES = {
-    "medulla": (False, True),
-    "scattered": (False, True),
-    "profile_channels": (0, 1, 3),
-    "layered": (False, True),
-    "tilt": (False, True),
-    "residual": (False, True),
-    "dropped_lobes": ((), ("TRT",)),
-}
-VALUES = {
-    **FIBRE_VALUES,
-    "sampler": samplers.BUILT_IN,
-    "fibres": (1, 2),
-    "channels": (1, 3),
-    "light": (None, *(light.kind for light in lights.BUILT_IN)),
-    "absorption": ABSORPTIONS,
-    "mode": MODES,
-    "lamps": (
-        None,
-        LampsPart(KINDS),
-        LampsPart(("quad", "sphere"), by_position=False),
-        LampsPart(("disk", "spot")),
-        LampsPart(("point",)),
-        LampsPart(("distant",)),
-        LampsPart(("triangle",)),
-    ),
-    "light_sampling": (False, True),
-    "point_radii": (False, True),
-    "surface": (None, PART),
-    "meshes": (
-        None,
-        *(
-            MeshPart(*flags, coat=flags[1] != flags[2])
-            for flags in itertools.product((False, True), repeat=3)
-        ),
-    ),
-    "motion": (0, 2),
-    "camera_motion": (0, 1),
-    "lens": (False, True),
-    "orthographic": (False, True),
-    "crop": (False, True),
-    "filter": FILTERS,
-    "sequence": SEQUENCES,
-    "roulette": (False, True),
-    "shadow_roulette": (False, True),
-    "learning": (None, LearningPart()),
-    "layers": (None, EVERY_LAYER, LayerPart(("depth",)), LayerPart(("strand", "indirect"))),
-    "transparent": (False, True),
-    "variance": (False, True),
-    "planned": (False, True),
-    "held": (False, True),
-    "statistics": (False, True),
-    "debug": (False,),
-}
-
-
-def _features(values):
-    """The Features of a row of values."""
-    own = {name: values[name] for name in FIBRE_VALUES if name in values}
-    rest = {name: value for name, value in values.items() if name not in FIBRE_VALUES}
-    sampler = samplers.find(rest.get("sampler", "full-cdf"))
-    rest["sampler"] = samplers.in_mode(sampler, rest.get("mode", "far"))
-    light = rest.get("light", "constant")
-    rest["light"] = lights.find(light).part() if light else None
-    return Features(fibre=DoubleCylinderFeatures(**own), **rest)
-
 
 def _text(device, features, stage):
     """The text of a stage, as the compiler sees it."""
@@ -109,52 +36,7 @@ def _text(device, features, stage):
     return bench.preprocessed(kernel_text(file, features, stage_defines(stage, device)))
 
 
-def _reachable(values):
-    """Combinations that a scene can have: scattering needs a medulla, colours need channels, a plan
-    needs variance; there is some light; a groom that moves has a radius a point."""
-    if values["motion"] and not values["point_radii"]:
-        return False
-    if values["planned"] and not values["variance"]:
-        return False
-    if values["light"] is None and values["lamps"] is None:
-        return False
-    if values["scattered"] and not values["medulla"]:
-        return False
-    if values["profile_channels"] and not values["scattered"]:
-        return False
-    if values["shadow_roulette"] and not values["light_sampling"]:
-        return False
-    return not (values["channels"] == 1 and values["profile_channels"] == 3)
-
-
-def pairwise(values, reachable):
-    """Few combinations in which every reachable pair of values of two fields occurs (greedy)."""
-    names = list(values)
-    rng = np.random.default_rng(7)
-    missing = {
-        (a, u, b, v)
-        for a, b in itertools.combinations(names, 2)
-        for u in values[a]
-        for v in values[b]
-    }
-    rows = []
-    stale = 0
-    while missing and stale < 30:
-        candidates = []
-        for _ in range(60):
-            row = {name: values[name][rng.integers(len(values[name]))] for name in names}
-            if reachable(row):
-                candidates.append(row)
-        covered = [{p for p in missing if r[p[0]] == p[1] and r[p[2]] == p[3]} for r in candidates]
-        best = max(range(len(candidates)), key=lambda i: len(covered[i]))
-        stale = 0 if covered[best] else stale + 1
-        if covered[best]:
-            rows.append(candidates[best])
-            missing -= covered[best]
-    return rows, missing
-
-
-ROWS, MISSING = pairwise(VALUES, _reachable)
+ROWS, MISSING = pairwise(VALUES, reachable)
 
 
 def test_every_reachable_pair_is_in_the_matrix():
@@ -170,14 +52,14 @@ def test_every_reachable_pair_is_in_the_matrix():
                 "profile_channels": profile_channels, "channels": channels,
             }  # fmt: skip
             candidate = row | {k: x for k, x in free.items() if k not in (a, b)}
-            assert not _reachable(candidate), f"{a}={u} with {b}={v} is reachable but not covered"
+            assert not reachable(candidate), f"{a}={u} with {b}={v} is reachable but not covered"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("row", range(len(ROWS)))
 def test_compile_matrix(device, row):
     """All stages compile without a warning (-Werror)."""
-    features = _features(ROWS[row])
+    features = features_of(ROWS[row])
     for stage, file in stage_files(features).items():
         program.build(device, file, features, stage_defines(stage, device))
 
@@ -334,7 +216,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
         "mode": "multiscale",
         "meshes": EVERY_MESH,
     }  # fmt: skip
-    there, gone = (_text(device, _features(values), stage) for values in (full, full | changes))
+    there, gone = (_text(device, features_of(values), stage) for values in (full, full | changes))
     for word in words:
         assert word in there, f"{word} is misspelt in this test"
         assert word not in gone
@@ -344,7 +226,7 @@ def test_left_out_code_is_absent(device, changes, stage, words):
 
 @pytest.mark.parametrize("there", [{"surface": PART}, {"meshes": MeshPart()}])
 def test_surfaces_have_stages_of_their_own(there):
-    with_surface, without = (set(stage_files(_features(values))) for values in (there, {}))
+    with_surface, without = (set(stage_files(features_of(values))) for values in (there, {}))
     assert with_surface - without == {"shade_surface"}
 
 

@@ -171,7 +171,7 @@ def open_cl_device(device: cl.Device) -> Device:
         name=device.name.strip(),
         platform=f"{device.platform.name.strip()} {device.platform.version.strip()}",
         driver_version=device.driver_version.strip(),
-        is_cpu=bool(device.type & cl.device_type.CPU),
+        is_cpu=_kind(device) == "CPU",
     )
 
 
