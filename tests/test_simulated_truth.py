@@ -140,7 +140,13 @@ MUTANTS = {
 def test_wrong_walks_are_seen(device, seed, monkeypatch, mutant):
     """Energies and directions of one fibre, near its axis, with a cortex that absorbs."""
     fibre = Fibre(
-        eta=1.55, kappa=0.6, sigma_ms=0.7, sigma_ca=0.25, g=0.5, layers=0.7, scattering="simulated"
+        eta=1.55,
+        kappa=0.6,
+        sigma_ms=0.7,
+        sigma_ca=(0.25, 0.25, 0.25),
+        g=0.5,
+        layers=0.7,
+        scattering="simulated",
     )
     if mutant:
         substitute(monkeypatch, *MUTANTS[mutant], within="prepare/simulated.cl")

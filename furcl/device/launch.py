@@ -36,11 +36,12 @@ def grid(n: int, per_item: int = 1, local: int = LOCAL_SIZE) -> Size:
     return (max(groups, 1) * local,), (local,)
 
 
-def probe_grid(device: Device, n: int) -> Size:
-    """Global and local size of a launch of the kernels of tools/probe.cl over `n` things.
+def fibre_grid(device: Device, n: int) -> Size:
+    """Global and local size of a launch over `n` things of a kernel that evaluates a fibre.
 
     On CPUs groups are of one, as those of the stages: Intel's compiler makes vectors of larger
-    ones and gets some of these kernels wrong (2026.22; tests/test_near_field.py sees it).
+    ones and gets some kernels wrong (2026.22; tests/test_near_field.py and test_simulated.py see
+    it).
     """
     return grid(n, local=1 if device.is_cpu else LOCAL_SIZE)
 

@@ -10,7 +10,7 @@ import pyopencl as cl
 
 from furcl.device import index_checks, layout, program
 from furcl.device.features import Features
-from furcl.device.launch import grid
+from furcl.device.launch import fibre_grid
 from furcl.device.memory import Memory
 from furcl.errors import FibreError
 from furcl.fibre.attenuation import (
@@ -234,7 +234,8 @@ def _attenuation_bins(memory: Memory, features: Features, packed: np.ndarray) ->
     checks = index_checks.IndexChecks(device.queue, features)
     checks.watch(material)
     uploaded = memory.upload("rows", rows)
-    kernel(device.queue, *grid(n_items), out, uploaded, np.uint32(len(rows)), material)
+    size = fibre_grid(device, n_items)
+    kernel(device.queue, *size, out, uploaded, np.uint32(len(rows)), material)
     checks.check("attenuation_bins")
     means, peaks = np.moveaxis(memory.read(out, shape), -1, 0)
     means = means[:-GRAZING_ROWS:ROWS_BETWEEN]
@@ -258,6 +259,6 @@ def _marginals(memory: Memory, features: Features, packed: np.ndarray) -> np.nda
     material = index_checks.upload(memory, "material", whole, features.debug)
     checks = index_checks.IndexChecks(device.queue, features)
     checks.watch(material)
-    kernel(device.queue, *grid(shape[0] * shape[1]), out, rows, material)
+    kernel(device.queue, *fibre_grid(device, shape[0] * shape[1]), out, rows, material)
     checks.check("marginal_densities")
     return marginals_from_sums(memory.read(out, shape))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from furcl.device import program
 from furcl.device.choice import Device, open_device
 from furcl.device.features import Features
-from furcl.device.launch import probe_grid
+from furcl.device.launch import fibre_grid
 from furcl.device.layout import Mode
 from furcl.device.memory import Memory
 from furcl.errors import FibreError, ResourceError
@@ -403,7 +403,7 @@ class Probe:
         last = []
         if within is not None:
             last = [Memory(self.device).upload("within", within.astype(np.float32))]
-        size = probe_grid(self.device, n)
+        size = fibre_grid(self.device, n)
         kernel(self.device.queue, *size, *arguments, self.material.buffer, *last)
 
 

@@ -7,9 +7,6 @@
    next     furcl/fibre/marginal.py adds up the parts */
 #include "fibre/sampler.clh"
 
-/* The hint keeps Intel's CPU runtime (2026.22) from running work-items as lanes of vectors: there the densities of
-   simulated scattering were nearly 0. */
-__attribute__((vec_type_hint(float16)))
 __kernel void marginal_densities(
     __global float* sums, __global const float2* rows, __global const float* material)
 {

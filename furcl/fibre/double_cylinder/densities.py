@@ -7,7 +7,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from furcl.device import program
-from furcl.device.launch import grid
+from furcl.device.launch import fibre_grid
 from furcl.device.memory import Memory
 from furcl.fibre.material import FibreMaterial
 
@@ -45,7 +45,7 @@ def lobe_densities(
     built = program.build(memory.device, file, material.features)
     cl.Kernel(built, "double_cylinder_densities")(
         memory.device.queue,
-        *grid(n),
+        *fibre_grid(memory.device, n),
         memory.upload("theta", theta),
         memory.upload("to", to),
         *out,

@@ -56,7 +56,7 @@ def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
     normals, places = (_of_all([part[k] for part in parts]) for k in (1, 2))
     if not len(vertices):
         raise MeshError(f"{path}: has no triangles; give a file with faces")
-    faces = np.arange(len(vertices)).reshape(-1, 3)
+    faces = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
     axis = said["up_axis"]
     if normals is not None:
         normals = turned(normals, axis)

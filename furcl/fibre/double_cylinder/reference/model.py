@@ -9,7 +9,12 @@ from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.double_cylinder.reference import scattered, whole_fibre
 from furcl.fibre.double_cylinder.reference.angles import D_p, centre_and_width, longitudinal
 from furcl.fibre.double_cylinder.reference.offsets import lobe_names
-from furcl.fibre.double_cylinder.reference.optics import LOBES, RESIDUAL, SCATTERED, attenuation
+from furcl.fibre.double_cylinder.reference.optics import (
+    LOBES,
+    RESIDUAL,
+    SCATTERED,
+    attenuation,
+)
 from furcl.fibre.double_cylinder.reference.pairs import (
     Pair,
     lobe_name,
@@ -110,12 +115,19 @@ def _never_scattered(fibre: Fibre, pair: Pair) -> Array:
 
 
 def unscattered_share(fibre: Fibre, theta_i: Array, h: Array, used: Any) -> Array:
-    """Share (...) of light that was never scattered in the residual, mean of the channels."""
-    never = attenuation(fibre, h, theta_i, UNSCATTERED, True)[RESIDUAL].mean(-1)
-    if used is None:
-        return np.ones_like(never)
-    whole = attenuation(fibre, h, theta_i, used, True)[RESIDUAL].mean(-1)
-    return np.divide(never, whole, out=np.ones_like(never), where=whole > 0.0)
+    """Share (...) of light that was never scattered in the residual, mean of the channels: that of
+    TT over TT and TTs, whose energies each have (F T)^2 / (1 - F T) of it, which may be too small a
+    number; over the largest (F T)^2."""
+    lobes = attenuation(fibre, h, theta_i, used or UNSCATTERED, True)
+    never, other = lobes["TT"], lobes["TTs"] if used is not None else np.zeros_like(lobes["TT"])
+    largest = never.max(-1, keepdims=True)
+    passed = np.divide(never, largest, out=np.ones_like(never), where=largest > 0.0)
+    one_way = np.square(1.0 - lobes["R"])
+    crossing = np.divide(never, one_way, out=np.zeros_like(never), where=one_way > 0.0)
+    weight = passed * passed / (1.0 - lobes["R"] * crossing)
+    kept = (weight * never).mean(-1)
+    whole = kept + (weight * other).mean(-1)
+    return np.divide(kept, whole, out=np.ones_like(kept), where=whole > 0.0)
 
 
 def density(fibre: Fibre, pair: Pair, name: str, used: Any, uniform_angles: bool) -> Array:
