@@ -133,7 +133,7 @@ def pairwise(
     while missing and stale < 30:
         candidates = []
         for _ in range(60):
-            row = {name: values[name][rng.integers(len(values[name]))] for name in names}
+            row = {name: values[name][int(rng.integers(len(values[name])))] for name in names}
             if reachable(row):
                 candidates.append(row)
         covered = [{p for p in missing if r[p[0]] == p[1] and r[p[2]] == p[3]} for r in candidates]
