@@ -51,7 +51,9 @@ def parameters(table: ModelTable, fibre: Any) -> list[dict[str, Any]]:
     """The numbers of a fibre: name, meaning, unit, low, high, scale, value, which is one number or
     three, and `varies`, true where strands or points have their own."""
     described = type(fibre)
-    told = meanings(described.__doc__)
+    told = {}
+    for of in reversed(described.__mro__):  # a fibre may describe what it adds to another
+        told |= meanings(of.__doc__)
     model = model_of(fibre)
     found = []
     for field in dataclasses.fields(described):
