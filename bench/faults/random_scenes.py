@@ -131,7 +131,12 @@ def document(number: int) -> dict[str, Any]:
         if name in ("fibre", "environment", "curves") or (name == "body" and rng.random() < 0.3):
             found[name] = _table(tables[list(tables)[rng.integers(len(tables))]], rng)
     if found["curves"]["generator"] == "hair":
-        found["curves"].pop("n_points", None)  # follows from its waves
+        # The points of a strand follow from its waves, and are too many of most of their ranges.
+        for key in ("n_points", "wave_frequency", "length", "scalp_radii"):
+            found["curves"].pop(key, None)
+    found["render"].pop("variance", None)  # adaptive allocation needs it
+    for key in ("mode", "scattering"):  # which some models have not
+        found["fibre"].pop(key, None)
     return found
 
 

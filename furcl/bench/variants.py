@@ -29,6 +29,7 @@ FIBRE_VALUES = {
     "medulla": (False, True),
     "scattered": (False, True),
     "profile_channels": (0, 1, 3),
+    "simulated": (False, True),
     "layered": (False, True),
     "tilt": (False, True),
     "residual": (False, True),
@@ -94,7 +95,10 @@ def features_of(values: Mapping[str, Any]) -> Features:
 
 def reachable(values: Mapping[str, Any]) -> bool:
     """Combinations that a scene can have: scattering needs a medulla, colours need channels, a plan
-    needs variance; there is some light; a groom that moves has a radius a point."""
+    needs variance; there is some light; a groom that moves has a radius a point. Simulated
+    scattering has the residual lobe, and one absorption."""
+    if values["simulated"] and not (values["residual"] and values["absorption"] == "constant"):
+        return False
     if values["motion"] and not values["point_radii"]:
         return False
     if values["planned"] and not values["variance"]:

@@ -170,7 +170,7 @@ def _parameters(fibre: Any) -> str:
         channels = np.atleast_1d(getattr(fibre, field.name)).tolist()
         shown = channels if len(set(channels)) > 1 else channels[:1]
         unit = " deg" if field.name.endswith("_deg") else ""
-        numbers = "/".join(f"{x:.4g}" for x in shown)
+        numbers = "/".join(x if isinstance(x, str) else f"{x:.4g}" for x in shown)
         parts.append(f"{field.name.removesuffix('_deg')} {numbers}{unit}")
     return ", ".join(parts)
 
