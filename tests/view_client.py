@@ -23,7 +23,7 @@ SCENE = {
     # Nothing is learned, so a pixel is the same in every window.
     "render": {"spp": 4, "seed": 1, "roulette": "depth"},
 }
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 
 
 class Page:
@@ -65,14 +65,16 @@ class Page:
         raise TimeoutError(f"no {kind} with {facts}")
 
     def whole(self, spp: int = 4, **facts: Any) -> tuple[dict[str, Any], NDArray[Any]]:
-        """The picture of what the state says, when it has all samples."""
-        facts |= {"samples": spp, "coarse": False, "slot": self.state["slot"]}
-        facts |= {"revision": self.state["revision"]}
-        if self.last and all(self.last[0].get(k) == v for k, v in facts.items()):
-            return self.last
-        found, pixels = self.wait("picture", **facts)
-        assert pixels is not None
-        return found, pixels
+        """The picture of what the state says, when it has all samples. The state may go on while it
+        is waited for: changes that were sent before are told one after the other."""
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            now = {"slot": self.state["slot"], "revision": self.state["revision"]}
+            wanted = {**facts, **now, "samples": spp, "coarse": False}
+            if self.last and all(self.last[0].get(k) == v for k, v in wanted.items()):
+                return self.last
+            self.next()
+        raise TimeoutError(f"no whole picture with {facts}")
 
     def close(self) -> None:
         self._open.close()
