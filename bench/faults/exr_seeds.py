@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from faults.harness import in_fork
 from furcl.image.exr_decode import MEMORY_FACTOR, Planes, decode
 from furcl.memory import limit_memory
 
@@ -54,19 +55,12 @@ def by_fork(path: Path, names: Sequence[str], shape: tuple[int, int]) -> Planes:
     n_bytes = 4 * len(names) * shape[0] * shape[1]
     shared = mmap.mmap(-1, n_bytes)
     planes = np.frombuffer(shared, np.float32).reshape(count)
-    child = os.fork()
-    if not child:
-        code = 1
-        try:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 1)
-            os.dup2(nowhere, 2)
-            limit_memory(MEMORY_FACTOR * n_bytes)
-            decode(path, names, planes)
-            code = 0
-        finally:
-            os._exit(code)
-    _, status = os.waitpid(child, 0)
+
+    def within_limits() -> None:
+        limit_memory(MEMORY_FACTOR * n_bytes)
+        decode(path, names, planes)
+
+    status = in_fork(within_limits)
     if status:
         raise ValueError(f"the OpenEXR library ends with {os.waitstatus_to_exitcode(status)}")
     return planes

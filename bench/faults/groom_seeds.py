@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from faults.harness import in_fork
 from furcl.errors import GroomError
 
 RNG = np.random.default_rng(1)
@@ -166,21 +167,14 @@ def _by_fork(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str
     from furcl.memory import limit_memory
 
     file = os.memfd_create("mutant")
-    child = os.fork()
-    if not child:
-        code = 1
-        try:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 1)
-            os.dup2(nowhere, 2)
-            limit_memory(usd.MEMORY_FACTOR * path.stat().st_size + usd.SLACK_BYTES)
-            resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
-            with os.fdopen(os.dup(file), "wb") as shared:
-                usd_stage.write_result(str(path), shared, what)
-            code = 0
-        finally:
-            os._exit(code)
-    _, status = os.waitpid(child, 0)
+
+    def within_limits() -> None:
+        limit_memory(usd.MEMORY_FACTOR * path.stat().st_size + usd.SLACK_BYTES)
+        resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
+        with os.fdopen(os.dup(file), "wb") as shared:
+            usd_stage.write_result(str(path), shared, what)
+
+    status = in_fork(within_limits)
     try:
         if status:
             raise GroomError(f"usd-core ends with {os.waitstatus_to_exitcode(status)}")

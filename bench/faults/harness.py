@@ -43,6 +43,23 @@ def environment(**changes: str | None) -> dict[str, str]:
     return {name: value for name, value in new.items() if value is not None}
 
 
+def in_fork(work: Callable[[], object]) -> int:
+    """Run work in a fork of this process, which says nothing; how that ended, as `os.waitpid` has
+    it, 0 being well."""
+    child = os.fork()
+    if not child:
+        code = 1
+        try:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, 1)
+            os.dup2(nowhere, 2)
+            work()
+            code = 0
+        finally:
+            os._exit(code)
+    return os.waitpid(child, 0)[1]
+
+
 def start(
     command: Sequence[str], env: Mapping[str, str] | None = None, **options
 ) -> subprocess.Popen[str]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,13 +160,12 @@ def build_profiles(
     """
     if not fibre.has_medulla:
         return None
-    path = cache_path(_content(device, fibre, seed, photons))
-    arrays = load_cached(path, _shapes(fibre)) if cache else None
-    if arrays is None:
-        arrays = _arrays(simulate(device, fibre, seed, photons))
-        if cache:
-            store_cached(path, arrays)
-    return _profiles(arrays)
+
+    def made() -> dict[str, np.ndarray]:
+        return _arrays(simulate(device, fibre, seed, photons))
+
+    content = _content(device, fibre, seed, photons)
+    return _profiles(cached(content, _shapes(fibre), made) if cache else made())
 
 
 def draft_profiles(device: Device, fibre: Fibre) -> tuple[MedullaProfiles | None, bool]:
@@ -265,6 +265,20 @@ def cache_path(content: dict[str, Any]) -> Path:
     """The file for tables that are made from `content` (plain values)."""
     text = json.dumps(content, sort_keys=True)
     return cache_folder() / "medulla" / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.tables"
+
+
+def cached(
+    content: dict[str, Any],
+    shapes: dict[str, tuple[int, ...]],
+    made: Callable[[], dict[str, np.ndarray]],
+) -> dict[str, np.ndarray]:
+    """The stored tables that `content` decides; if there are none, those that are made, stored."""
+    path = cache_path(content)
+    arrays = load_cached(path, shapes)
+    if arrays is None:
+        arrays = made()
+        store_cached(path, arrays)
+    return arrays
 
 
 def load_cached(path: Path, shapes: dict[str, tuple[int, ...]]) -> dict[str, np.ndarray] | None:

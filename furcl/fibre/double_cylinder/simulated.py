@@ -24,12 +24,7 @@ from furcl.fibre.double_cylinder.layout import (
     SIMULATED_THETAS,
 )
 from furcl.fibre.double_cylinder.parameters import Fibre
-from furcl.fibre.double_cylinder.profiles import (
-    DEFAULT_SEED,
-    cache_path,
-    load_cached,
-    store_cached,
-)
+from furcl.fibre.double_cylinder.profiles import DEFAULT_SEED, cached
 from furcl.fibre.double_cylinder.whole_fibre_walk import (
     BATCHES,
     COLLISION_BUDGET,
@@ -131,13 +126,12 @@ def build_simulated(
     """
     if not fibre.has_medulla:
         return None
-    path = cache_path(_content(device, fibre, seed, photons))
-    arrays = load_cached(path, _shapes(fibre)) if cache else None
-    if arrays is None:
-        arrays = _arrays(simulate(device, fibre, seed, photons))
-        if cache:
-            store_cached(path, arrays)
-    return tables_of(fibre, arrays)
+
+    def made() -> dict[str, np.ndarray]:
+        return _arrays(simulate(device, fibre, seed, photons))
+
+    content = _content(device, fibre, seed, photons)
+    return tables_of(fibre, cached(content, _shapes(fibre), made) if cache else made())
 
 
 def _content(device: Device, fibre: Fibre, seed: int, photons: int | None) -> dict:
