@@ -224,7 +224,9 @@ def test_a_job_carries_the_files_of_its_scene(tmp_path, device):
 def cluster() -> Iterator[Any]:
     distributed = pytest.importorskip("distributed")
     with (
-        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=":0"
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         yield client
@@ -261,6 +263,38 @@ def test_a_cluster_gives_the_same_bits_and_a_lost_worker_costs_nothing(
     np.testing.assert_array_equal(found.samples, 20)
     with pytest.raises(DeviceError, match="nowhere"):
         render(scene, cluster, part_spp=PART_SPP, device="nowhere")
+
+
+@pytest.mark.slow
+def test_a_scene_that_is_lost_with_all_workers_is_sent_again(cluster, alone, device):
+    from furcl.distributed import render
+
+    cluster.wait_for_workers(2, timeout=60)
+    killed: list[int] = []
+
+    def kill_all(done: int, total: int) -> bool:
+        if not killed:
+            killed.extend(cluster.run(_process).values())
+            for pid in killed:
+                os.kill(pid, signal.SIGKILL)
+        return False
+
+    options = {"part_spp": PART_SPP, "device": str(_index_of(device))}
+    image = render(_scene(**KINDS["even"]), cluster, progress=kill_all, **options)
+    assert len(killed) == 2
+    assert _bits(image) == _bits(alone["even"])
+
+
+def test_a_cluster_without_workers_is_told():
+    distributed = pytest.importorskip("distributed")
+    from furcl.distributed import render
+
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=":0") as none,
+        distributed.Client(none, timeout=1) as client,
+        pytest.raises(DeviceError, match="has no worker"),
+    ):
+        render(_scene(**KINDS["even"]), client)
 
 
 @pytest.mark.slow

@@ -112,9 +112,13 @@ def test_directions(device: Device, kappa: float) -> None:
 
 
 MUTANTS = {
-    "the scattered share q is forgotten": (r"float scattered = [^;]+;", "float scattered = 1.0f;"),
-    "a term of the Bessel function is halved": (r"\b0\.01328592f", "0.00664296f"),
-    "slabs are forgotten": (r"t \+ 2\.0f \* layers \* r\b", "t + layers * r"),
+    "the scattered share q is forgotten": (
+        r"float scattered = [^;]+;",
+        "float scattered = 1.0f;",
+        "/double_cylinder/profiles.clh",
+    ),
+    "a term of the Bessel function is halved": (r"\b0\.01328592f", "0.00664296f", ""),
+    "slabs are forgotten": (r"t \+ 2\.0f \* layers \* r\b", "t + layers * r", ""),
 }
 
 
@@ -122,7 +126,8 @@ MUTANTS = {
 @pytest.mark.parametrize("mutant", MUTANTS)
 def test_mutants_are_seen(device: Device, monkeypatch: pytest.MonkeyPatch, mutant: str) -> None:
     """Kernels with a typical mistake in their text."""
-    substitute(monkeypatch, *MUTANTS[mutant], within="tools/probe.cl")
+    pattern, text, header = MUTANTS[mutant]
+    substitute(monkeypatch, pattern, text, "tools/probe.cl", header)
     assert worst_integral(white_probe(device, 0.86)) > 1e-3
 
 

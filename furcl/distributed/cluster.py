@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
+LOSSES = 5
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """All that a worker needs of a scene, which is sent to each once.
@@ -104,6 +107,16 @@ def _task(job: Job, part: Part) -> Image:
         return render_part(_worker.renderer_of(job), part)
 
 
+def _send(client: Client, job: Job) -> Any:
+    """A future of the job, on the workers that are there."""
+    try:
+        return client.scatter(job, broadcast=True, hash=False)
+    except TimeoutError:
+        raise DeviceError(
+            "the cluster has no worker: start some by dask worker ADDRESS, with furcl installed"
+        ) from None
+
+
 def render(
     scene: Scene | str | os.PathLike,
     client: Client | str,
@@ -122,8 +135,9 @@ def render(
     The scene, its groom and the files it names are sent to each worker once; workers need furcl
     and an OpenCL device, no files. Each takes parts of the samples (`furcl.distributed.parts`),
     one at a time, and sends a picture back. A lost worker costs the parts that it had, which
-    others take, as they take those of a slow one when they have nothing left. The picture is that
-    of `render_on` with the same parts, to the bit where devices are of one kind.
+    others take, as they take those of a slow one when they have nothing left. The scene is sent
+    again where it went with the workers: Dask keeps as few copies of it as it can. The picture is
+    that of `render_on` with the same parts, to the bit where devices are of one kind.
 
     Parameters
     ----------
@@ -136,15 +150,16 @@ def render(
 
     Raises
     ------
-    DeviceError     dask.distributed is not installed, no scheduler answers, or a part was lost
-                    with more workers than the scheduler allows
-                    (distributed.scheduler.allowed-failures)
+    DeviceError     dask.distributed is not installed, no scheduler answers, no worker is there, a
+                    part was lost with more workers than the scheduler allows
+                    (distributed.scheduler.allowed-failures), or the scene with all workers that
+                    had it, LOSSES times without a part between
     FurclError      as `furcl.render`, of the first part that fails
     """
     check_stops(progress, time_limit)
     check_curves(curves)
     try:
-        from distributed import Client, KilledWorker, as_completed
+        from distributed import CancelledError, Client, KilledWorker, as_completed
     except ImportError:
         raise DeviceError(
             "rendering on a cluster needs the package distributed; install it with "
@@ -165,26 +180,41 @@ def render(
     grooms = grooms_of(scene, curves)
     job = Job.of(with_overrides(scene, spp=parts[0].spp), grooms, wave_size, device)
     start = time.perf_counter()
-    sent = client.scatter(job, broadcast=True, hash=False)
+    sent, sending = _send(client, job), 0
     n_pixels = scene.film.width * scene.film.height
     merging, left, done, stopped = Merging(), {part.number for part in parts}, 0, False
+    coming, tasks, losses = as_completed(), {}, 0
 
-    def begin(part: Part, again: bool = False) -> Any:
+    def begin(part: Part, again: bool = False) -> None:
         priority = -part.number - (len(parts) if again else 0)
-        return client.submit(_task, sent, part, pure=False, priority=priority)
+        task = client.submit(_task, sent, part, pure=False, priority=priority)
+        tasks[task] = part, sending
+        coming.add(task)
 
-    tasks = {begin(part): part for part in parts}
-    coming = as_completed(list(tasks))
     try:
+        for part in parts:
+            begin(part)
         for task in coming:
-            part = tasks.pop(task)
+            part, with_sending = tasks.pop(task)
             if part.number not in left:
                 continue
             try:
                 merging.add(part, task.result())
             except KilledWorker as error:
                 raise DeviceError(f"part {part.number} of {len(parts)}: {error}") from None
+            except CancelledError as error:
+                # Tasks go with the scene that they were given.
+                if with_sending == sending:
+                    losses += 1
+                    if losses > LOSSES:
+                        raise DeviceError(
+                            f"the scene was lost {losses} times with the workers: {error}"
+                        ) from None
+                    sent, sending = _send(client, job), sending + 1
+                begin(part)
+                continue
             left.remove(part.number)
+            losses = 0
             done += part.spp * n_pixels
             over = time_limit is not None and time.perf_counter() - start >= time_limit
             if over or (progress and progress(done, scene.render.spp * n_pixels)):
@@ -194,10 +224,8 @@ def render(
                 break
             # Workers that have nothing to do take what others are not ready with.
             if len(tasks) == len(left) <= len(client.scheduler_info()["workers"]) // 2:
-                for late in [parts[number] for number in sorted(left)]:
-                    copy = begin(late, again=True)
-                    tasks[copy] = late
-                    coming.add(copy)
+                for number in sorted(left):
+                    begin(parts[number], again=True)
     finally:
         client.cancel(list(tasks))
     image = merging.image()
