@@ -339,9 +339,9 @@ def test_results_report_and_replay(device, tmp_path):
     assert json.dumps(dataclasses.asdict(Row("a", "b")))
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(9))
 def test_points_that_are_looked_at(device, rng, monkeypatch, number):
-    """Each sampler, in the far field and within limits: nothing is wrong, and one NaN is seen."""
+    """Each sampler in each mode: nothing is wrong, and one NaN is seen."""
     fibre = ChiangFibre(sigma_a=(0.1, 0.3, 0.9))
     points = CHIANG_SUBJECT.points(fibre, rng, 500)
     look = Look(device, CHIANG_SUBJECT)

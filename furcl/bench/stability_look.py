@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 
 QUANTITY = "looked at"
 POINTS_PER_FIBRE = 10_000
-#: Offsets anywhere, and within limits; of models that have none, anywhere alone.
-MODES: tuple[Mode, ...] = ("far", "multiscale")
+#: Offsets anywhere, within limits, and one alone; of models that have none, anywhere alone.
+MODES: tuple[Mode, ...] = ("far", "multiscale", "near")
 
 
 class Look:
@@ -46,7 +46,10 @@ class Look:
         mode = modes[number // len(BUILT_IN) % len(modes)]
         probe = self._probe(fibre, sampling, mode)
         rng = np.random.default_rng(number)
-        within = None if mode == "far" else _limits(points.h, rng)
+        within = {
+            "far": None, "near": np.stack([points.h, points.h], 1),
+            "multiscale": _limits(points.h, rng),
+        }[mode]  # fmt: skip
         value, pdf = probe.evaluate_lobes(points.wo, points.wi, points.h, within)
         energy = probe.attenuation(points.h, points.theta)
         for p, lobe in enumerate(probe.lobes):
