@@ -28,5 +28,8 @@ def reference_of(fibre: Any) -> Any:
 
 
 def document(fibre: Any) -> dict[str, Any]:
-    """A fibre as a table of a scene."""
-    return {"model": fibre.model, **asdict(fibre)}
+    """A fibre of any model as a table of a scene."""
+    values = asdict(fibre)
+    # Measured fibres say where their values are from, which no scene does.
+    values.pop("provenance", None)
+    return {"model": fibre.model, **values}

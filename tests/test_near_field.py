@@ -1,7 +1,8 @@
 """Offsets h that are known or lie in a footprint: fibre.mode "near" and "multiscale".
 
 Given h, what a fibre scatters is tested with the far field, which is its mean; here is what chooses
-h and lobe within limits, what light samples are worth there, and where pictures take h from.
+h and lobe within limits, and what light samples are worth there. Where pictures take h from is in
+test_near_pictures.py.
 """
 
 from __future__ import annotations
@@ -12,13 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 from cylinders import FIBRES as CYLINDERS
-from cylinders import document, reference_of
+from cylinders import reference_of
 from direction_statistics import chi_square_p, sidak
 from fibres import FIBRES as DOUBLE
+from fibres import YAN2015
 from kernel_mutants import substitute
 from model_checks import directions
 from offset_cells import wo_at
-from scene_documents import INDEPENDENT, fur_patch
+from scene_documents import fur_patch
 from test_own_sampler import EXAMPLE
 
 from furcl.errors import FibreError, SamplerError, SceneError
@@ -27,13 +29,15 @@ from furcl.fibre.double_cylinder.parameters import Fibre
 from furcl.fibre.model import check_mode
 from furcl.rendering.probe import Probe
 from furcl.rendering.renderer import Renderer
-from furcl.scene.read import decode_scene, with_overrides
+from furcl.scene.read import with_overrides
 
 FIBRES = {
     "human-black": DOUBLE["human-black"],
     "coloured": DOUBLE["coloured"],
     "chiang": CYLINDERS["chiang"],
     "deon cone, 5 orders": CYLINDERS["deon cone, 5 orders"],
+    "yan2015 air": YAN2015["air"],
+    "yan2015 dense": YAN2015["dense"],
 }
 LIMITS = ((-0.95, -0.2), (0.2, 0.6), (-0.3, 0.45), (0.95, 1.0), (0.5042, 0.5047), (0.3, 0.3))
 THETA = -0.5
@@ -43,6 +47,8 @@ PROBES = [
     *((name, "attenuation-cdf") for name in FIBRES),
     ("human-black", "uniform-h"),
     ("coloured", "full-cdf"),
+    ("yan2015 air", "full-cdf"),
+    ("yan2015 dense", "uniform-h"),
 ]
 LEVEL = sidak(len(PROBES) * len(LIMITS))
 each_probe = pytest.mark.parametrize(("name", "sampling"), PROBES)
@@ -193,10 +199,11 @@ OFFSET_MUTANTS = {
 
 
 @pytest.mark.statistical
+@pytest.mark.parametrize("name", ["human-black", "yan2015 air"])
 @pytest.mark.parametrize("mutant", OFFSET_MUTANTS)
-def test_wrong_offsets_are_seen(device, seed, monkeypatch, mutant):
+def test_wrong_offsets_are_seen(device, seed, monkeypatch, mutant, name):
     substitute(monkeypatch, *OFFSET_MUTANTS[mutant], within="tools/probe.cl")
-    probe = Probe(FIBRES["human-black"], "attenuation-cdf", device, mode="multiscale")
+    probe = Probe(FIBRES[name], "attenuation-cdf", device, mode="multiscale")
 
     def check_both():
         check_mean_weights(probe, seed)
@@ -205,164 +212,6 @@ def test_wrong_offsets_are_seen(device, seed, monkeypatch, mutant):
 
     with pytest.raises(AssertionError):
         check_both()
-
-
-# Pictures -------------------------------------------------------------------------------------
-
-
-SIDE = {
-    "kind": "distant", "position": [5.0, -100.0, 90.0], "target": [0.0, 0.0, 0.0],
-    "angle_deg": 0.0, "irradiance": 3.0,
-}  # fmt: skip
-# Large enough for samples of the fibre to find, in front and behind, on one side.
-QUADS = {
-    name: {
-        "kind": "quad", "position": place, "target": [0.0, 0.0, 0.0], "size": [700.0, 700.0],
-        "radiance": 1.0,
-    }
-    for name, place in (("front", [300.0, -700.0, 500.0]), ("back", [0.0, 700.0, 500.0]))
-}  # fmt: skip
-
-
-def wide_fibre(mode, fibre, lamps, width=48, **render):
-    """A straight fibre that fills the middle of a picture 1.2 times as wide."""
-    height = 4
-    return decode_scene(
-        {
-            "film": {"width": width, "height": height, "filter": "box"},
-            "camera": {
-                "origin": [0.0, -2000.0, 0.0], "target": [0.0, 0.0, 0.0], "up": [1.0, 0.0, 0.0],
-                "projection": "orthographic", "height": 2.4 * height / width,
-            },
-            "fibre": {**fibre, "mode": mode},
-            "lamp": lamps,
-            "curves": {"generator": "fibre", "axis": "x", "radius": 1.0, "length": 1000.0},
-            "render": {"max_depth": 1, **INDEPENDENT, **render},
-        },
-        "wide fibre",
-    )  # fmt: skip
-
-
-def picture(scene, device):
-    """Mean over rows (width, 3), and its standard error."""
-    renderer = Renderer(scene, device)
-    renderer.advance(scene.render.spp)
-    image = renderer.image()
-    assert image.stats["nonfinite"] == 0
-    assert image.variance is not None
-    rows = image.height
-    error = np.sqrt(image.variance.astype(np.float64).sum(0)) / rows
-    return image.rgb.astype(np.float64).mean(0), error
-
-
-def profile_z(device, fibre, table) -> float:
-    """Largest difference of the columns of a near picture from the float64 values at their h, in
-    standard errors."""
-    scene = wide_fibre("near", table, {"side": SIDE}, light_sampling="mis", spp=64)
-    found, error = picture(scene, device)
-    n = len(found)
-    # Columns from the left look at z falling; h is z over the radius, wo being -y.
-    fine = 32
-    z = 1.2 - (np.arange(n * fine) + 0.5) * (2.4 / (n * fine))
-    light = np.array([5.0, -100.0, 90.0]) / np.linalg.norm([5.0, -100.0, 90.0])
-    # The frame: x the tangent, wo = -y in its y, and so -z in its z. A point at z is at -z there.
-    wo, wi = np.array([0.0, 1.0, 0.0]), np.array([light[0], -light[1], -light[2]])
-    h = np.where(np.abs(z) <= 1.0, z, 0.0)
-    values = reference_of(fibre).evaluate(fibre, wo, wi, h, None)
-    values = np.where(np.abs(z)[:, None] <= 1.0, 3.0 * values, 0.0)
-    expected = values.reshape(n, fine, 3).mean(1)
-    edge = np.abs(z.reshape(n, fine) - np.sign(z.mean())).min(1) < 0.06
-    off = np.abs(found - expected) / (error + 2e-3 * expected.max() + 1e-6)
-    return float(off[~edge].max())
-
-
-CLEAR = Fibre(sigma_ca=(0.2, 0.4, 0.8), beta_n_deg=6.0, alpha_deg=2.0)
-CLEAR_TABLE = {"sigma_ca": [0.2, 0.4, 0.8], "beta_n_deg": 6.0, "alpha_deg": 2.0}
-PROFILES = {
-    "double-cylinder": (CLEAR, CLEAR_TABLE),
-    "chiang": (CYLINDERS["chiang"], document(CYLINDERS["chiang"])),
-    "deon": (CYLINDERS["deon"], document(CYLINDERS["deon"])),
-}
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize("model", PROFILES)
-def test_a_wide_fibre_shows_every_offset(device, model):
-    assert profile_z(device, *PROFILES[model]) < 4.5
-
-
-@pytest.mark.statistical
-def test_h_of_the_wrong_sign_is_seen(device, monkeypatch):
-    substitute(
-        monkeypatch, r"dot\(gap, frame->side\)", "-dot(gap, frame->side)",
-        within="stages/sample_lobe_h.cl",
-    )  # fmt: skip
-    assert profile_z(device, *PROFILES["double-cylinder"]) > 20.0
-
-
-# Energies that differ between the rim and the middle, and lobes of all kinds.
-TABLES = {"human-black": {"preset": "human-black"}, "chiang": document(CYLINDERS["chiang"])}
-
-
-def mean(scene, device) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (3,) of a picture, and its standard error."""
-    columns, error = picture(scene, device)
-    return columns.mean(0), np.sqrt((error**2).sum(0)) / len(columns)
-
-
-@pytest.fixture(scope="module")
-def far_means(device):
-    """Of each fibre the mean of the far field's picture."""
-    return {
-        name: mean(wide_fibre("far", table, QUADS, spp=512, light_sampling="mis"), device)
-        for name, table in TABLES.items()
-    }
-
-
-def mean_z(far, scene, device) -> float:
-    """Largest difference of the mean of a picture from another mean, in standard errors."""
-    (a, a_error), (b, b_error) = far, mean(scene, device)
-    return float((np.abs(a - b) / np.hypot(a_error, b_error)).max())
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize("name", TABLES)
-@pytest.mark.parametrize(
-    ("mode", "width"), [("near", 48), ("multiscale", 48), ("multiscale", 2), ("multiscale", 1)]
-)
-@pytest.mark.parametrize("light_sampling", ["bcsdf", "mis"])
-def test_the_mean_of_a_wide_fibre_is_the_far_field(
-    device, far_means, name, mode, width, light_sampling
-):
-    """Samples of the fibre and of the light, given h, weigh 1 together; footprints of 0.05, 1.2 and
-    2.4 radii leave the mean as it is."""
-    scene = wide_fibre(
-        mode, TABLES[name], QUADS, width, spp=256 * 48 // width, light_sampling=light_sampling
-    )
-    assert mean_z(far_means[name], scene, device) < 4.5
-
-
-MEAN_MUTANTS = {
-    "a footprint ends at the rim": (
-        r"fmax\(-1\.0f - low, 0\.0f\), above = fmax\(high - 1\.0f, 0\.0f\)",
-        "0.0f, above = 0.0f", "bcsdf",
-    ),
-    "light is weighed at another h": (
-        r"direction_density_within\(fibre, in, within, b\.h, d\)",
-        "direction_density_within(fibre, in, within, -b.h, d)", "mis",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize("mutant", MEAN_MUTANTS)
-def test_wrong_means_are_seen(device, far_means, monkeypatch, mutant):
-    pattern, text, light_sampling = MEAN_MUTANTS[mutant]
-    scene = wide_fibre(
-        "multiscale", TABLES["human-black"], QUADS, 2, spp=20_000, light_sampling=light_sampling
-    )
-    substitute(monkeypatch, pattern, text, within="stages/sample_lobe_h.cl")
-    assert mean_z(far_means["human-black"], scene, device) > 9.0
 
 
 # Scenes ---------------------------------------------------------------------------------------
@@ -393,7 +242,7 @@ def test_what_has_no_near_field_says_so(device, mode):
     samplers.register("mine", EXAMPLE, needs_tables=True)
     try:
         with pytest.raises(SamplerError, match="chooses h on the whole width"):
-            Probe(CLEAR, "mine", device, mode=mode)
+            Probe(Fibre(), "mine", device, mode=mode)
     finally:
         samplers.unregister("mine")
 
@@ -415,6 +264,6 @@ def test_what_has_no_near_field_says_so(device, mode):
     ],
 )
 def test_bad_limits_are_refused(device, mode, within, message):
-    probe = Probe(CLEAR, device=device, mode=mode)
+    probe = Probe(Fibre(), device=device, mode=mode)
     with pytest.raises(FibreError, match=message):
         probe.sample(wo_at(0.0), n=4, within=within)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from direction_statistics import sidak
 from fibre_oracles import direction, flat_profiles, smooth_profiles
+from fibres import YAN2015 as FIBRES
 from kernel_mutants import substitute
 from light_samples import compare
 from model_checks import (
@@ -31,17 +32,6 @@ from furcl.fibre.yan2015.parameters import Yan2015Fibre
 from furcl.rendering.probe import Probe
 from furcl.scene.read import with_overrides
 
-# Nearly air, which reflects totally; denser than the cortex, with rays that miss it.
-FIBRES = {
-    "air": Yan2015Fibre(
-        eta=1.55, eta_m=1.1, kappa=0.6, beta_m_deg=8, beta_n_deg=12, sigma_ca=(0.1, 0.3, 0.9),
-        sigma_ms=1.5, sigma_ma=(0.2, 0.2, 0.2), g=0.3, layers=0.6,
-    ),
-    "dense": Yan2015Fibre(
-        eta=1.4, eta_m=1.7, kappa=0.43, beta_m_deg=8, beta_n_deg=12, sigma_ca=(0.1, 0.3, 0.9),
-        sigma_ms=1.0, g=-0.2,
-    ),
-}  # fmt: skip
 each_fibre = pytest.mark.parametrize("fibre", FIBRES.values(), ids=FIBRES)
 
 # Values -----------------------------------------------------------------------------------------
