@@ -42,7 +42,7 @@ def render(
     seed: Annotated[int | None, SEED] = None,
     size: Annotated[str | None, SIZE] = None,
     sampling: Annotated[
-        str | None, typer.Option(help="uniform-h, attenuation-cdf or full-cdf.")
+        str | None, typer.Option(help="uniform-h, attenuation-cdf, full-cdf or all-lobes.")
     ] = None,
     sampler: Annotated[Path | None, SAMPLER_FILE] = None,
     max_depth: Annotated[int | None, typer.Option(help="Longest path, in bounces.")] = None,

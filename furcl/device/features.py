@@ -218,7 +218,7 @@ class Features:
 
 
 # What a sampler's part defines, for kernels without one; and what other kernels ask of layers.
-NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0}
+NO_SAMPLER = {"FURCL_TABLES": 0, "FURCL_PROFILE_ANGLES": 0, "FURCL_ALL_LOBES": 0}
 NO_LAYERS = {
     f"FURCL_{name}": 0
     for name in (

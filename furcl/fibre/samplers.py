@@ -40,18 +40,23 @@ class Sampler:
                                     them a text that reads them does not compile
     scattered_angles : str          directions of TT^s and TRT^s: "uniform" over the sphere, or
                                     from their own "profile"
+    all_lobes : bool                whether a direction is worth the values of all lobes at its h
+                                    over all their densities there, not those of its lobe alone;
+                                    of samplers that draw lobes by A_p(h)
     """
 
     name: str
     header: Path
     needs_tables: bool
     scattered_angles: Angles
+    all_lobes: bool = False
 
     def defines(self) -> dict[str, int | str]:
         """What fibre/sampler.clh and the models test."""
         return {
             "FURCL_TABLES": int(self.needs_tables),
             "FURCL_PROFILE_ANGLES": int(self.scattered_angles == "profile"),
+            "FURCL_ALL_LOBES": int(self.all_lobes),
         }
 
     def structs(self) -> dict[str, Any]:
@@ -88,6 +93,7 @@ _samplers = Registry(
         "uniform-h": Sampler("uniform-h", _UNIFORM, False, "uniform"),
         "attenuation-cdf": Sampler("attenuation-cdf", _CDF, True, "uniform"),
         "full-cdf": Sampler("full-cdf", _CDF, True, "profile"),
+        "all-lobes": Sampler("all-lobes", _UNIFORM, False, "profile", all_lobes=True),
     },
 )
 BUILT_IN = _samplers.built_in
@@ -111,9 +117,10 @@ def find(name: str) -> Sampler:
 def in_mode(sampler: Sampler, mode: Mode) -> Sampler:
     """What a sampler is where a fibre's offset h is not anywhere on its width.
 
-    In "multiscale" the built-in ones choose h within the footprint of a pixel, "uniform-h" evenly,
-    the others by their tables. In "near" there is no h to choose: all take lobes by A_p(h) and need
-    no tables, "full-cdf" differs by the directions of lobes that have profiles.
+    In "multiscale" the built-in ones choose h within the footprint of a pixel, those without tables
+    evenly, the others by them. In "near" there is no h to choose: all take lobes by A_p(h) and need
+    no tables, "full-cdf" differs by the directions of lobes that have profiles, "all-lobes" by its
+    weights too.
 
     Raises
     ------

@@ -53,7 +53,7 @@ class Probe:
     Parameters
     ----------
     fibre : Fibre               or the parameters of another model
-    sampling : str or Sampler   "uniform-h", "attenuation-cdf", "full-cdf" or a sampler of one's own
+    sampling : str or Sampler   "uniform-h", "attenuation-cdf", "full-cdf", "all-lobes" or one's own
     device : str or Device      as for furcl.render
     residual : bool             with the lobe that holds TRRT and all later orders
     channels : int or None      force 3 channels for a grey fibre

@@ -108,8 +108,12 @@ __kernel void probe_sample(
         chosen.lobe, &fibre, &b, probe_numbers(seed, i, DIM_DIRECTION, given, numbers));
     wi[i] = (float4)(frame_direction(&frame, d.x, d.y, d.z), 0.0f);
     pdf[i] = chosen.joint * lobe_terms(chosen.lobe, &fibre, &b, d.x, d.y, d.z).pdf;
+#if FURCL_ALL_LOBES
+    store_spectrum(weight + 3 * (size_t)i, all_lobes_value_over_pdf(&fibre, &in, b.h, d));
+#else
     store_spectrum(weight + 3 * (size_t)i,
                    (1.0f / chosen.joint) * lobe_value_over_pdf(chosen.lobe, &fibre, &b, d.x, d.y, d.z));
+#endif
 }
 
 #if FURCL_LIGHT_SAMPLING
