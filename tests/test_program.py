@@ -326,7 +326,7 @@ main(["-q", "render", "single_fibre", "--size", "8x8", "--spp", "1", *sys.argv[1
 
 def test_the_library_of_pocl_is_inlined(device, tmp_path):
     """No built kernel calls a function of PoCL's library: with AVX-512 that is 2 to 3 times as fast
-    (docs/performance.md)."""
+    (docs/notebook.md)."""
     if not device.platform.startswith(POCL):
         pytest.skip(f"{device.platform} is not PoCL")
     options = ["-o", str(tmp_path / "a.exr"), "--device", device.name]
