@@ -1,7 +1,8 @@
 """The near picture averaged, beside the far one: the grooms of the paper's scenes at 8 times the
 resolution, for docs/model.md.
 
-    python bench/near_far.py [SCENE...] [-o FOLDER] [--size 32] [--spp 32] [--device TEXT]
+    python bench/near_far.py [SCENE...] [--set KEY=VALUE] [-o FOLDER] [--size 32] [--spp 32]
+        [--device TEXT]
 
 Blocks of 8 x 8 pixels of mode near (h of the hit, at every bounce) and multiscale (of the camera's
 hit alone, within a pixel) are compared with the pixels of mode far that they cover.
@@ -35,10 +36,10 @@ TWO_SIDED_95 = 1.96
 
 
 def blocks(
-    scene: str, mode: str, size: int, finer: int, spp: int, device: Device
+    scene: str, mode: str, size: int, finer: int, spp: int, own: list[str], device: Device
 ) -> tuple[Array, Array]:
     """Channel means of finer x finer pixels (size, size), and their variances."""
-    changes = [f"fibre.mode={mode}", f"render.spp={spp}", f"render.seed={finer}", *SETTINGS]
+    changes = [f"fibre.mode={mode}", f"render.spp={spp}", f"render.seed={finer}", *SETTINGS, *own]
     side = size * finer
     path = FOLDER_OF_SCENES / f"{scene}.toml"
     renderer = Renderer(load_scene(path, overrides=changes, size=(side, side)), device)
@@ -54,18 +55,20 @@ def blocks(
     return rgb.mean(2), error**2
 
 
-def compared(scene: str, size: int, spp: int, device: Device) -> list[dict[str, Any]]:
+def compared(
+    scene: str, size: int, spp: int, own: list[str], device: Device
+) -> list[dict[str, Any]]:
     """Rows of both modes: difference of the means over the far one, half its 95 % interval, the
     largest difference of a block in standard errors."""
-    far, far_variance = blocks(scene, "far", size, 1, spp * FINER**2, device)
+    far, far_variance = blocks(scene, "far", size, 1, spp * FINER**2, own, device)
     rows = []
     for mode in ("near", "multiscale"):
-        near, variance = blocks(scene, mode, size, FINER, spp, device)
+        near, variance = blocks(scene, mode, size, FINER, spp, own, device)
         both = far_variance + variance
         seen = both > 0.0
         z = np.abs(near - far)[seen] / np.sqrt(both[seen])
         row = {
-            "scene": scene, "mode": mode, "blocks": int(seen.sum()),
+            "scene": scene, "changes": own, "mode": mode, "blocks": int(seen.sum()),
             "difference": float(near.sum() / far.sum() - 1.0),
             "half_interval": float(TWO_SIDED_95 * np.sqrt(both.sum()) / far.sum()),
             "largest_z": float(z.max()),
@@ -80,7 +83,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("scenes", nargs="*", help=", ".join(SCENES))
-    parser.add_argument("-o", "--output", type=Path, default=FOLDER)
+    parser.add_argument("--set", dest="own", action="append", default=[])
+    parser.add_argument("-o", "--output", type=Path, default=FOLDER / "near_far" / "scenes")
     parser.add_argument("--size", type=int, default=32)
     parser.add_argument("--spp", type=int, default=32)
     parser.add_argument("--device")
@@ -88,9 +92,9 @@ def main() -> None:
     device = open_device(asked.device)
     rows = []
     for scene in asked.scenes or SCENES:
-        rows += compared(scene, asked.size, asked.spp, device)
+        rows += compared(scene, asked.size, asked.spp, asked.own, device)
     results = {"schema": "furcl-near-far-1", **circumstances(device), "size": asked.size}
-    write_json({**results, "spp": asked.spp, "rows": rows}, asked.output / "near_far.json")
+    write_json({**results, "spp": asked.spp, "rows": rows}, asked.output / "results.json")
 
 
 if __name__ == "__main__":
