@@ -112,11 +112,10 @@ static inline Bounce scatter_at_fibre(
     const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, in, path_float(paths, PS_OFFSET_H, slot));
     const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
     bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
-#if FURCL_ALL_LOBES
-    bounce.weight = all_lobes_value_over_pdf(fibre, in, b.h, d);
-#else
     bounce.weight =
         (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.y, d.z);
+#if FURCL_ALL_LOBES
+    bounce.weight = all_lobes_value_over_pdf(fibre, in, b.h, d);
 #endif
 #if FURCL_LIGHT_SAMPLING && FURCL_MODE != FURCL_MODE_FAR
     bounce.pdf = direction_density_within(fibre, in, within, b.h, d);
