@@ -13,10 +13,8 @@ import convergence_tables
 import gpu_tables
 import intersect_tables
 import ladder_tables
-import model_samplers_tables
 import model_tables
 import models_tables
-import near_far_tables
 import paper_size_tables
 import render_tables
 import sharing_tables
@@ -26,11 +24,10 @@ from tables import filled
 
 DOCS = Path(__file__).parents[1] / "docs"
 DOCUMENTS = {
-    "model.md": model_tables.TABLES | near_far_tables.TABLES,
+    "model.md": model_tables.TABLES,
     "performance.md": intersect_tables.TABLES | render_tables.TABLES | check_tables.PERFORMANCE,
     "results.md": convergence_tables.TABLES
     | ladder_tables.TABLES
-    | model_samplers_tables.TABLES
     | paper_size_tables.TABLES
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
