@@ -15,6 +15,7 @@ import intersect_tables
 import ladder_tables
 import model_tables
 import models_tables
+import near_far_tables
 import paper_size_tables
 import render_tables
 import sharing_tables
@@ -24,7 +25,7 @@ from tables import filled
 
 DOCS = Path(__file__).parents[1] / "docs"
 DOCUMENTS = {
-    "model.md": model_tables.TABLES,
+    "model.md": model_tables.TABLES | near_far_tables.TABLES,
     "performance.md": intersect_tables.TABLES | render_tables.TABLES | check_tables.PERFORMANCE,
     "results.md": convergence_tables.TABLES
     | ladder_tables.TABLES

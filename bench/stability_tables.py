@@ -106,5 +106,5 @@ def models() -> str:
 
 LOOKED_AT = "looked at"
 QUANTITIES = ("attenuation", "evaluate", "pdf", "sample weight", "value over pdf", LOOKED_AT)
-MODELS = ("yan2015", "chiang", "deon", "marschner", "sadeghi")
+MODELS = ("double-cylinder", "yan2015", "chiang", "deon", "marschner", "sadeghi")
 TABLES = {"stability": stability, "stability-models": models}
