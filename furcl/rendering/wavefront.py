@@ -214,6 +214,15 @@ class Wavefront:
         if self.features.motion or self.features.camera_motion:
             self._shutter = [self.memory.upload("shutter", shutter)]
 
+    def lit_by(self, light: cl.Buffer, surface: np.ndarray | None) -> None:
+        """Set the light, and the struct SurfaceParams where the features have a surface."""
+        if self.features.surface is not None:
+            self._surface = [surface]
+        self.checks.forget(self.light)
+        self.checks.watch(light)
+        self.light = light
+        self._lamps = [light] if self.features.area_lamps else []
+
     def _programs(self) -> list[tuple[FibreStages | None, list[str], Features]]:
         """What is compiled together: the material that has it to itself, stages, features."""
         found: list[tuple[FibreStages | None, list[str], Features]] = []
