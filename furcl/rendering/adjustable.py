@@ -119,8 +119,14 @@ class AdjustableRenderer(Renderer):
                 f"scene {scene.name!r}: its lights need other kernels than are built; make another "
                 f"renderer"
             )
-        light = upload_lights(self.memory, lights, features, self.setup.middle)
-        self.wavefront.lit_by(light, surface_struct(scene, features))
+        stages = self.wavefront
+        stages.checks.forget(stages.light)
+        stages.light = upload_lights(self.memory, lights, features, self.setup.middle)
+        stages.checks.watch(stages.light)
+        if features.area_lamps:
+            stages.lamps = [stages.light]
+        if features.surface is not None:
+            stages.surface = [surface_struct(scene, features)]
         self.setup = replace(self.setup, n_negative=lights.n_negative)
         self.scene = scene.seen_by(self.scene.chosen_camera)
         self._wave = wave_struct(self.scene, self.wavefront)

@@ -64,8 +64,7 @@ class Renderer:
     target : Target or None         error at which `advance` stops before it has all samples
     held : Held or None             numbers that all samples of a pixel share; where this is not
                                     None, the attribute may be changed between calls of `advance`
-    adjustable : bool               compile what other numbers of the fibres and other windows of
-                                    the film could need (furcl.rendering.adjustable)
+    adjustable : bool               compile all that furcl.rendering.adjustable could need
     geometry : Geometry or None     of a renderer of the same grooms and meshes on the device
 
     Attributes
@@ -177,8 +176,7 @@ class Renderer:
                 f"or render with another seed"
             )
         self.first_sample = first_sample
-        if seed != self.scene.render.seed:
-            self.scene = with_overrides(self.scene, seed=seed)
+        self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
         if self.plan:
             self.plan.restart()
