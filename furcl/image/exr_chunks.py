@@ -53,6 +53,8 @@ def surely_whole(data: Bytes, part: Part) -> bool:
         return False
     row_bytes = part.data_window.width * part.pixel_bytes()
     try:
+        for channel in part.channels:
+            channel.name.encode("ascii")
         for name, value in part.attributes.items():
             name.encode("ascii")
             if part.types[name] == "string":
