@@ -196,7 +196,7 @@ def _by_fork(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str
     file = os.memfd_create("mutant")
 
     def within_limits() -> None:
-        limit_memory(usd.MEMORY_FACTOR * path.stat().st_size + usd.SLACK_BYTES)
+        limit_memory(usd.memory_bytes(path))
         resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
         with os.fdopen(os.dup(file), "wb") as shared:
             usd_stage.write_result(str(path), shared, what)
