@@ -159,12 +159,17 @@ def _curves(prim, time, matrix, number, arrays) -> dict[str, Any]:
         if value is not None:
             arrays[f"{number}/{name}"] = np.asarray(value, dtype)
 
-    keep("counts", curves.GetCurveVertexCountsAttr().Get(time), np.int64)
+    def keep_numbers(name, value, dtype):
+        # A stage may say another type than the schema's: one number, or several in a row.
+        if value is not None:
+            keep(name, np.asarray(value, dtype).reshape(-1), dtype)
+
+    keep_numbers("counts", curves.GetCurveVertexCountsAttr().Get(time), np.int64)
     points = curves.GetPointsAttr().Get(time)
     if points is not None:
         points = np.asarray(points).reshape(-1, 3)
         keep("points", _place(points, matrix, np.empty(points.shape, np.float32)), np.float32)
-    keep("widths", curves.GetWidthsAttr().Get(time), np.float32)
+    keep_numbers("widths", curves.GetWidthsAttr().Get(time), np.float32)
     values = {}
     for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues():
         name = primvar.GetPrimvarName()
