@@ -90,8 +90,7 @@ static inline void keep_first_light(Paths paths, uint slot, const Spectrum* of_l
 
 /* The next ray, of weight 0 where no lobe was chosen. */
 static inline Bounce scatter_at_fibre(
-    Paths paths, uint slot, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at,
-    float4 xi
+    Paths paths, uint slot, const FibreFrame* frame, const Fibre* fibre, const Incidence* in, float4 at, float4 xi
 #if FURCL_LIGHT_SAMPLING && FURCL_MODE != FURCL_MODE_FAR
     , Offsets within
 #endif
@@ -112,8 +111,7 @@ static inline Bounce scatter_at_fibre(
     const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, in, path_float(paths, PS_OFFSET_H, slot));
     const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
     bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
-    bounce.weight =
-        (1.0f / path_float(paths, PS_JOINT, slot)) * lobe_value_over_pdf(lobe, fibre, &b, d.x, d.y, d.z);
+    bounce.weight = lobe_value_over_pdf(lobe, fibre, &b, d.x, d.y, d.z) * (1.0f / path_float(paths, PS_JOINT, slot));
 #if FURCL_ALL_LOBES
     bounce.weight = all_lobes_value_over_pdf(fibre, in, b.h, d);
 #endif
