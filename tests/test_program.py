@@ -1,7 +1,10 @@
 """Building kernels: includes, declarations, and that no build is ever stale or made twice."""
 
 import dataclasses
+import os
+import re
 import shutil
+import subprocess
 import threading
 import warnings
 
@@ -11,10 +14,12 @@ import pytest
 from furcl.device import kernel_cache, layout, program, source
 from furcl.device.features import Features
 from furcl.device.memory import Memory
+from furcl.device.runtime_caches import POCL
 from furcl.errors import KernelBuildError
 from furcl.fibre import samplers
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
 from furcl.light import kinds as lights
+from furcl.paths import python_command
 from furcl.rendering.wavefront import stage_defines, stage_files
 from furcl.surface.ellipsoid import PART as ELLIPSOID
 
@@ -310,3 +315,25 @@ def test_lines_of_a_text_are_lines_of_files(wanted):
             assert message == f"{wanted}:{number}:7: error"
             found += 1
     assert found == sum(not line.startswith("#include") for line in numbered.values())
+
+
+RENDER = """
+import sys
+from furcl.cli import main
+main(["-q", "render", "single_fibre", "--size", "8x8", "--spp", "1", *sys.argv[1:]])
+"""
+
+
+def test_the_library_of_pocl_is_inlined(device, tmp_path):
+    """No built kernel calls a function of PoCL's library: with AVX-512 that is 2 to 3 times as fast
+    (docs/notebook.md)."""
+    if not device.platform.startswith(POCL):
+        pytest.skip(f"{device.platform} is not PoCL")
+    options = ["-o", str(tmp_path / "a.exr"), "--device", device.name]
+    environment = {**os.environ, "POCL_CACHE_DIR": str(tmp_path / "pocl")}
+    subprocess.run(python_command("-c", RENDER, *options), env=environment, check=True)
+    built = {file.name: file.read_bytes() for file in (tmp_path / "pocl").rglob("*.so")}
+    assert built.keys() >= {"intersect_closest.so", "shade.so"}
+    # Functions of PoCL's own begin so, mangled; of those that are inlined nothing is left.
+    calling = [name for name, content in built.items() if re.search(rb"_Z\d+_cl_fma", content)]
+    assert not calling
