@@ -60,7 +60,7 @@ def sheet(images: dict[tuple[str, str], furcl.Image]) -> Image.Image:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--size", type=int, default=512, metavar="N")
+    parser.add_argument("--size", type=int, default=256, metavar="N")
     parser.add_argument("--spp", type=int, default=256, metavar="N")
     parser.add_argument("--out", type=Path, default=ROOT, help="folder with docs/ and bench/")
     parser.add_argument("--device", default="", help="as for furcl render")
