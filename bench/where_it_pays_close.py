@@ -1,11 +1,11 @@
-"""What attenuation-cdf gains over uniform-h where fibres are seen wide: in the far field, the near
-one and between them (docs/model.md, Near field).
+"""What attenuation-cdf gains over uniform-h where fibres are seen wide: in the far field and with h
+from the camera's ray (docs/model.md, Near field). In mode "near" both are the same sampler.
 
 python bench/where_it_pays_close.py [-o FOLDER] [--device D] [--quick]
 
 Black hair of bench/where_it_pays.py, in even light and in that of a broad sun in front, by a camera
-that comes near by its angle: fibres of the middle of the hair are so many pixels wide. Writes
-FOLDER/close.json.
+that comes near by its angle: one spot in the middle of the hair, whose fibres are so many pixels
+wide. Writes FOLDER/close.json.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ import numpy as np
 from tables import FOLDER
 from where_it_pays import (
     EVEN,
-    GROUPS,
     SAMPLERS,
     SAMPLES,
     SCENE,
@@ -35,8 +34,9 @@ from furcl.bench.record import circumstances, write_json
 from furcl.device.choice import open_device
 from furcl.scene.read import load_scene
 
-WIDTHS = (0.25, 1.0, 4.0)  # of a fibre [px]
-MODES = ("far", "multiscale", "near")
+WIDTHS = (1.0, 4.0)  # of a fibre [px]
+MODES = ("far", "multiscale")
+GROUPS = 16
 LIGHTS = (EVEN, ("front", 60.0))
 STRANDS, BLACK = 3_000, 4.1
 

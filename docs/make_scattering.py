@@ -39,7 +39,6 @@ def of_fur(image: furcl.Image) -> dict[str, Any]:
     return {
         "radiance": (image.rgb.mean(axis=(0, 1), dtype=np.float64) / covered).tolist(),
         "error": (error / covered).tolist(),
-        "seconds": image.stats["seconds"]["render"],
     }
 
 
