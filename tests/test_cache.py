@@ -71,3 +71,17 @@ def test_a_file_that_cannot_be_written_is_logged(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         cache.store(tmp_path / "file" / "a.bin", CONTENT)
     assert "nothing is cached there" in caplog.text
+
+
+def test_a_folder_keeps_what_was_used_last(tmp_path, monkeypatch):
+    monkeypatch.setattr(cache, "MOST_FILES", 3)
+    names = ["a.bin", "b.bin", "c.bin"]
+    for age, name in enumerate(names):
+        cache.store(tmp_path / name, CONTENT)
+        os.utime(tmp_path / name, (age, age))
+    (tmp_path / "other.tables").touch()
+    assert cache.load(tmp_path / "a.bin") == CONTENT
+    cache.store(tmp_path / "d.bin", CONTENT)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "a.bin", "c.bin", "d.bin", "other.tables",
+    }  # fmt: skip

@@ -78,6 +78,51 @@ def test_edited_include_is_never_stale(device, kernel_copy):
         assert _value(device) == value
 
 
+@pytest.fixture
+def expansions(monkeypatch):
+    """Grows by one whenever files are read for a text."""
+    calls, expand = [], source.expand
+
+    def counted(*arguments):
+        calls.append(arguments)
+        return expand(*arguments)
+
+    monkeypatch.setattr(source, "expand", counted)
+    return calls
+
+
+def _aged(folder):
+    """Files as they would be had nobody written them for a minute."""
+    for path in folder.rglob("*.cl*"):
+        os.utime(path, (path.stat().st_atime - 60.0, path.stat().st_mtime - 60.0))
+
+
+def _another_value(folder):
+    _write_value(folder, "2.0f")
+
+
+def _another_value_beside(folder):
+    _write(folder, "value.clh", "#define VALUE 2.0f\n")
+
+
+def test_a_text_is_made_once(device, kernel_copy, expansions):
+    _write_value(kernel_copy, "1.0f")
+    _aged(kernel_copy)
+    assert [_value(device) for _ in range(3)] == [1.0] * 3
+    assert len(expansions) == 1
+
+
+@pytest.mark.parametrize("edit", [_another_value, _another_value_beside])
+def test_a_text_that_is_kept_is_never_stale(device, kernel_copy, expansions, edit):
+    """An include that was edited, and one that comes before it now."""
+    _write_value(kernel_copy, "1.0f")
+    _aged(kernel_copy)
+    assert _value(device) == 1.0
+    edit(kernel_copy)
+    assert _value(device) == 2.0
+    assert len(expansions) == 2
+
+
 def test_an_include_that_two_files_ask_for_comes_once(device, kernel_copy):
     """Twice, it would not compile."""
     _write(kernel_copy, "include/base.clh", "static inline float base(void) { return 3.0f; }\n")

@@ -287,3 +287,19 @@ def test_the_shared_stage(shared_data):
     assert (curves.n_strands, curves.n_points) == (2484, 22356)
     assert curves.units == Units(1.0, "y")
     assert curves.radii.max() == np.float32(0.035)
+
+
+@pytest.mark.parametrize(
+    ("of_schema", "said", "strands"),
+    [
+        ("int[] curveVertexCounts = [20]", "int curveVertexCounts = 20", 1),
+        ("int[] curveVertexCounts = [20]", "int2 curveVertexCounts = (10, 10)", 2),
+        ("float[] widths = [0.2]", "float widths = 0.2", 1),
+    ],
+)
+def test_numbers_of_another_type_than_the_schema_s(tmp_path, here, of_schema, said, strands):
+    text = prim(counts=(20,))
+    assert of_schema in text
+    curves = load_curves(written(tmp_path, text.replace(of_schema, said)))
+    assert curves.n_strands == strands
+    np.testing.assert_allclose(curves.radii, 0.1)

@@ -27,14 +27,46 @@ STAYS = [
     ["film.width=24", "film.height=12"],
     ["film.crop=[4, 4, 20, 12]"],
     ["render.seed=9"],
+    ["environment.radiance=0.5"],
+    ["render.max_depth=20"],
+]
+# A scene with lamps and a body, where something is learned.
+LIT = with_overrides(
+    decode_scene(
+        {
+            **SCENE,
+            "environment": {"kind": "sky", "sun_radius_deg": 5.0},
+            "body": {"radii": [0.9, 0.9, 0.9]},
+            "lamp": {
+                "key": {
+                    "kind": "sphere",
+                    "position": [3.0, 0.0, 3.0],
+                    "radius": 0.5,
+                    "colour": [1.0, 1.0, 1.0],
+                    "radiance": 20.0,
+                }
+            },
+        }
+    ),
+    ["render.roulette=adjoint"],
+)
+OTHER_LIGHTS = [
+    ["environment.sun_elevation_deg=20", "environment.scale=0.2"],
+    ["lamp.key.colour=[0.1, 0.2, 1.0]"],
+    ["lamp.key.position=[0.0, 3.0, 1.0]", "lamp.key.radius=1.0", "fibre.beta_m=0.5"],
+    ["body.albedo=0.9"],
+    ["body.radii=[1.1, 0.8, 0.8]"],
+    ["render.max_depth=1"],
+    ["render.roulette_threshold=0.9", "render.shadow_threshold=0.1"],
 ]
 MADE_ANEW = [
-    ["environment.radiance=0.5"],
+    ["render.max_depth=3"],  # roulette never begins
     ["film.width=64"],
     ["curves.n_strands=100"],
-    ["render.max_depth=3"],
     ["film.filter=box"],
+    ["render.sampling=uniform-h"],
 ]
+TREE_STAYS = ("film", "render")
 
 
 def picture(follower: Follower) -> np.ndarray:
@@ -63,12 +95,44 @@ def test_the_renderer_stays_and_shows_what_a_new_one_does(
     np.testing.assert_array_equal(picture(follower), picture(new))
 
 
+@pytest.mark.parametrize("changes", OTHER_LIGHTS, ids=lambda changes: changes[0])
+def test_the_light_changes_and_the_renderer_stays(
+    follower: Follower, device: Device, changes: list[str]
+) -> None:
+    follower.follow(LIT)
+    before, lit = follower.renderer, picture(follower)
+    changed = with_overrides(LIT, changes)
+    assert not follower.needs_set_up(changed)
+    assert follower.follow(changed)
+    assert follower.renderer is before
+    new = Follower(device)
+    new.follow(changed)
+    found = picture(follower)
+    np.testing.assert_array_equal(found, picture(new))
+    assert not np.array_equal(found, lit)
+
+
+def test_a_light_of_another_kind_is_set_up(follower: Follower) -> None:
+    follower.follow(LIT)
+    before = follower.renderer
+    document = msgspec.to_builtins(LIT)
+    del document["lamp"]
+    assert follower.follow(decode_scene(document))
+    assert follower.renderer is not before
+
+
 @pytest.mark.parametrize("changes", MADE_ANEW, ids=lambda changes: changes[0])
 def test_the_renderer_is_made_anew(follower: Follower, changes: list[str]) -> None:
     follower.follow(START)
     before = follower.renderer
+    assert before is not None
+    assert follower.needs_set_up(with_overrides(START, changes))
+    tree = before.setup.geometry.tree
     assert follower.follow(with_overrides(START, changes))
+    assert follower.renderer is not None
     assert follower.renderer is not before
+    kept = follower.renderer.setup.geometry.tree is tree
+    assert kept == changes[0].startswith(TREE_STAYS)
     assert np.isfinite(picture(follower)).all()
 
 

@@ -124,6 +124,26 @@ def Xform "x"
 """.encode()
 
 
+def usd_mesh() -> bytes:
+    """A square and a triangle, with normals and texture coordinates."""
+    points = "(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 1.5, 0)"
+    normals = ", ".join(5 * ["(0, 0, 1)"])
+    return f"""#usda 1.0
+def Mesh "m"
+{{
+    int[] faceVertexCounts = [4, 3]
+    int[] faceVertexIndices = [0, 1, 2, 3, 3, 2, 4]
+    int[] holeIndices = [1]
+    point3f[] points = [{points}]
+    normal3f[] normals = [{normals}] (interpolation = "vertex")
+    texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 2)] (interpolation = "vertex")
+    uniform token orientation = "leftHanded"
+    double3 xformOp:scale = (1, 2, 3)
+    uniform token[] xformOpOrder = ["xformOp:scale"]
+}}
+""".encode()
+
+
 #: Kind -> suffix, what makes a whole file in a folder, and options of `load_curves`.
 SEEDS: dict[str, tuple[str, Callable[[Path], bytes], dict[str, Any]]] = {
     "ply": (".ply", lambda folder: written(".ply", folder), {}),
@@ -149,11 +169,18 @@ def seed(kind: str, folder: Path) -> bytes:
 
 def read(kind: str, path: Path) -> None:
     """Read a file as `furcl.load_curves` does, USD by a fork."""
-    from furcl.groom.formats import load_curves, usd
+    from furcl.groom.formats import load_curves
 
     if kind.startswith("usd"):
-        usd.extracted = _by_fork
+        read_usd_by_fork()
     load_curves(path, **SEEDS[kind][2])
+
+
+def read_usd_by_fork() -> None:
+    """Let this process read USD by forks of itself from now on."""
+    from furcl.groom.formats import usd
+
+    usd.extracted = _by_fork
 
 
 def _by_fork(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -169,7 +196,7 @@ def _by_fork(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str
     file = os.memfd_create("mutant")
 
     def within_limits() -> None:
-        limit_memory(usd.MEMORY_FACTOR * path.stat().st_size + usd.SLACK_BYTES)
+        limit_memory(usd.memory_bytes(path))
         resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
         with os.fdopen(os.dup(file), "wb") as shared:
             usd_stage.write_result(str(path), shared, what)

@@ -297,6 +297,16 @@ def _read_mesh(path: Path) -> None:
     MeshTable(file=str(path)).build("mesh.a")
 
 
+def _usd_mesh(rng: np.random.Generator) -> bytes:
+    """A square and a triangle with normals and places."""
+    return mutated(groom_seeds.usd_mesh(), rng)
+
+
+def _read_usd_mesh(path: Path) -> None:
+    groom_seeds.read_usd_by_fork()
+    _read_mesh(path)
+
+
 def _read_texture(path: Path) -> None:
     from furcl.surface.mesh.texture import read_texture
 
@@ -424,6 +434,7 @@ KINDS: dict[str, Kind] = {
     "cache": (_tables, ".tables", _read_tables, BvhError),
     "mesh obj": (_obj, ".obj", _read_mesh, MeshError),
     "mesh ply": (_ply, ".ply", _read_mesh, MeshError),
+    "mesh usda": (_usd_mesh, ".usda", _read_usd_mesh, MeshError),
     "texture": (_texture, ".png", _read_texture, ImageError),
     "stored": (_stored, ".bin", _read_stored, BvhError),
     "reference": (_reference, ".exr", _read_reference, BenchError),
@@ -445,12 +456,12 @@ KINDS |= {
     for kind, (suffix, *_) in groom_seeds.SEEDS.items()
 }
 #: A million in all.
-FULL = {"hair": 100_000, "npz": 60_000, "exr": 20_000, "exr light": 10_000, "hdr": 80_000}
+FULL = {"hair": 100_000, "npz": 100_000, "exr": 20_000, "exr light": 10_000, "hdr": 80_000}
 FULL |= {"toml": 60_000, "compare": 10_000, "override": 30_000, "results": 40_000}
 FULL |= {"sampler": 40_000, "cache": 50_000, "mesh obj": 50_000, "mesh ply": 50_000}
 FULL |= {"texture": 40_000, "stored": 20_000, "reference": 5_000, "state": 20_000}
-FULL |= {"checkpoint": 20_000, "usda": 3_000, "usdc": 7_000}
-FULL |= {kind: 30_000 for kind in groom_seeds.SEEDS if not kind.startswith("usd")}
+FULL |= {"checkpoint": 20_000, "mesh usda": 10_000}
+FULL |= dict.fromkeys(groom_seeds.SEEDS, 100_000)
 
 
 def read_mutants(kind: str, first: int, end: int, seed: int, folder: Path) -> int:

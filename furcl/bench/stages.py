@@ -87,7 +87,7 @@ def measure(
     )
     return {
         "scene": scene.name,
-        "segments": renderer.setup.n_segments,
+        "segments": renderer.setup.geometry.tree.n_segments,
         "size": [scene.film.width, scene.film.height],
         "wave_size": renderer.wave_size.paths,
         "wave_size_from": renderer.wave_size.origin,

@@ -58,6 +58,10 @@ class IndexChecks:
             self._empty[buffer] = empty
             self._clear(buffer)
 
+    def forget(self, buffer: cl.Buffer) -> None:
+        """Watch a buffer no more."""
+        self._empty.pop(buffer, None)
+
     def check(self, kernel: str) -> None:
         """Wait for the kernel launched last.
 

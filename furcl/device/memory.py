@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -64,6 +64,12 @@ class Memory:
         cl.enqueue_copy(self.device.queue, larger, buffer, byte_count=self.bytes[smaller])
         self.release(smaller, buffer)
         return larger
+
+    def share(self, other: Memory, names: Collection[str]) -> None:
+        """Count buffers that another memory of the same device has too, those of them that are
+        there."""
+        for name in other.bytes.keys() & set(names):
+            self._count(name, other.bytes[name])
 
     def release(self, name: str, buffer: cl.Buffer) -> None:
         """Give a buffer back; commands that are under way may still use it."""

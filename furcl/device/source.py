@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from furcl.device import layout
@@ -16,8 +20,46 @@ _INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<(\w+)>)\s*$')
 _CONDITION = re.compile(r"^\s*#\s*(if|ifdef|ifndef|endif)\b")
 _GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)
 
+#: Modification time [ns] and size of a file; None where there is none.
+Stamp = tuple[int, int] | None
 
-def expand(names: str | Sequence[str], features: Features, folder: Path | None = None) -> str:
+#: Texts are kept that were used last, and files that have been as they are for so long [ns]: one
+#: that is written twice within a tick of the clock of its folder keeps its stamp.
+KEPT_TEXTS = 64
+CALM_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class _Text:
+    """A kernel's text, and the stamps of all places where its files were sought."""
+
+    text: str
+    stamps: dict[Path, Stamp]
+
+    @property
+    def holds(self) -> bool:
+        """Whether all of them are as they were."""
+        return all(_stamp(path) == stamp for path, stamp in self.stamps.items())
+
+
+_texts: OrderedDict[Hashable, _Text] = OrderedDict()
+_lock = threading.Lock()
+
+
+def _stamp(path: Path) -> Stamp:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size
+
+
+def expand(
+    names: str | Sequence[str],
+    features: Features,
+    folder: Path | None = None,
+    stamps: dict[Path, Stamp] | None = None,
+) -> str:
     """The text of kernel files, one after the other, with every #include replaced by what it names.
 
     `#include "a/b.clh"` is sought beside the file that asks for it, then in the folder of the
@@ -26,6 +68,7 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
     Caches of OpenCL runtimes hash the text that they are given, not the files that it includes;
     given the whole text they cannot return a stale kernel. Each file is included once, and again
     where it was included under a condition before, which may not hold: its guard does the rest.
+    `stamps` takes those of all places where files are sought.
 
     Raises
     ------
@@ -35,9 +78,14 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
     bases = (folder, folder / "include")
     seen: set[Path] = set()
 
+    def look_at(path: Path) -> Path:
+        if stamps is not None and path not in stamps:
+            stamps[path] = _stamp(path)
+        return path
+
     def find(include: str, beside: Path | None) -> Path | None:
         places = (*([beside] if beside else []), *bases)
-        return next((p / include for p in places if (p / include).is_file()), None)
+        return next((p / include for p in places if look_at(p / include).is_file()), None)
 
     def walk(path: Path, asked_by: str, seen: set[Path]) -> list[str]:
         if path.resolve() in seen:
@@ -66,7 +114,7 @@ def expand(names: str | Sequence[str], features: Features, folder: Path | None =
                 lines.append(f"#error this build has no <{match[2]}>: give its Features one")
                 continue
             if match[2]:
-                target = folder / "include" / features.parts[match[2]].header
+                target = look_at(folder / "include" / features.parts[match[2]].header)
             else:
                 target = find(match[1], path.parent)
             if target is None:
@@ -99,5 +147,22 @@ def kernel_text(
     names: str | Sequence[str], features: Features, extra: Mapping[str, int] | None = None
 ) -> str:
     """Declarations followed by the expanded text: all that decides what a kernel does."""
-    text = expand(names, features)
-    return layout.declarations(text, features, extra) + text
+    folder = kernel_folder()
+    asked = names if isinstance(names, str) else tuple(names)
+    key = (folder, asked, features, tuple((extra or {}).items()))
+    with _lock:
+        kept = _texts.get(key)
+        if kept:
+            _texts.move_to_end(key)
+    if kept and kept.holds:
+        return kept.text
+    stamps: dict[Path, Stamp] = {}
+    begun = time.time_ns()
+    text = expand(names, features, folder, stamps)
+    text = layout.declarations(text, features, extra) + text
+    if all(stamp is None or stamp[0] < begun - CALM_NS for stamp in stamps.values()):
+        with _lock:
+            _texts[key] = _Text(text, stamps)
+            while len(_texts) > KEPT_TEXTS:
+                _texts.popitem(last=False)
+    return text

@@ -16,6 +16,10 @@ from furcl.image.exr_header import DEEP, SEVERAL_PARTS, TILED, Bytes, Part, vers
 _ROWS = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 NO, ZIPS, ZIP = 0, 2, 3
 
+# What a file of scan lines begins with, with and without long names, and may call itself.
+_VERSIONS = (2, 2 | 0x400)
+_SCAN_LINES = b"scanlineimage"
+
 # Of attributes that furcl writes; what the library says of others is not known.
 _FAMILIAR = {
     "box2i", "chlist", "chromaticities", "compression", "double", "float", "int", "lineOrder",
@@ -49,10 +53,14 @@ def surely_whole(data: Bytes, part: Part) -> bool:
     """
     if part.compression not in (NO, ZIPS, ZIP) or not _is_flat(data, part):
         return False
-    if not set(part.types.values()) <= _FAMILIAR:
+    if not set(part.types.values()) <= _FAMILIAR or version_of(data) not in _VERSIONS:
+        return False
+    if part.attributes.get("type", _SCAN_LINES) != _SCAN_LINES:
         return False
     row_bytes = part.data_window.width * part.pixel_bytes()
     try:
+        for channel in part.channels:
+            channel.name.encode("ascii")
         for name, value in part.attributes.items():
             name.encode("ascii")
             if part.types[name] == "string":

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,20 +138,8 @@ class Sky:
         Midpoint rule in azimuth, Gauss-Legendre in z; relative error below 1e-4
         (test_environment.py::test_sky_integral).
         """
-        nodes, weights = np.polynomial.legendre.leggauss(128)
-        z, n_phi = 0.5 * (nodes + 1.0), 256
-        phi = (np.arange(n_phi) + 0.5) * (2.0 * math.pi / n_phi)
-        radius = np.sqrt((1.0 - z) * (1.0 + z))
-        dirs = np.stack(
-            [
-                np.outer(radius, np.cos(phi)).ravel(),
-                np.outer(radius, np.sin(phi)).ravel(),
-                np.repeat(z, n_phi),
-            ],
-            axis=1,
-        )
-        weight = np.repeat(0.5 * weights * (z if cosine else 1.0), n_phi) * (2.0 * math.pi / n_phi)
-        return weight @ self.sky_radiance(dirs)
+        dirs, weight = _hemisphere()
+        return (weight * dirs[:, 2] if cosine else weight) @ self.sky_radiance(dirs)
 
     def sun_irradiance(self) -> Array:
         """Irradiance (3,) that the disc, were it wholly above the horizon, sends to the ground."""
@@ -164,6 +153,24 @@ class Sky:
     def sun_solid_angle(self) -> float:
         """Of the whole disc [sr]."""
         return 4.0 * math.pi * math.sin(0.5 * self.sun_radius) ** 2
+
+
+@cache
+def _hemisphere() -> tuple[Array, Array]:
+    """Directions (n, 3) of the upper hemisphere and their weights (n,) [sr]."""
+    nodes, weights = np.polynomial.legendre.leggauss(128)
+    z, n_phi = 0.5 * (nodes + 1.0), 256
+    phi = (np.arange(n_phi) + 0.5) * (2.0 * math.pi / n_phi)
+    radius = np.sqrt((1.0 - z) * (1.0 + z))
+    dirs = np.stack(
+        [
+            np.outer(radius, np.cos(phi)).ravel(),
+            np.outer(radius, np.sin(phi)).ravel(),
+            np.repeat(z, n_phi),
+        ],
+        axis=1,
+    )
+    return dirs, np.repeat(0.5 * weights, n_phi) * (2.0 * math.pi / n_phi)
 
 
 def zenith_luminance(turbidity: float, theta_sun: float) -> float:

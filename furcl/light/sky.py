@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
 
@@ -91,7 +92,7 @@ class SkyLight(Light):
             )
         )
 
-    @property
+    @cached_property
     def chances(self) -> tuple[float, float, float]:
         """Chances of sampling the sun, the upper and the lower hemisphere, by
         `compensated_power`."""

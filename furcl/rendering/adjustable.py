@@ -10,9 +10,17 @@ import msgspec
 
 from furcl.device.choice import Device
 from furcl.errors import ResourceError, SceneError
+from furcl.light.lights import Lights
 from furcl.rendering.arguments import Given
 from furcl.rendering.renderer import Renderer
-from furcl.rendering.setup import scene_material, wave_struct
+from furcl.rendering.setup import (
+    Geometry,
+    scene_material,
+    surface_struct,
+    upload_lights,
+    wave_struct,
+)
+from furcl.rendering.specialise import scene_features
 from furcl.scene.tables import Film, Scene
 
 
@@ -26,7 +34,7 @@ class AdjustableRenderer(Renderer):
     Parameters
     ----------
     scene : Scene               without layers; every pixel takes the same number of samples
-    device, wave_size, curves   as for `Renderer`
+    device, wave_size, curves, geometry     as for `Renderer`
 
     Raises
     ------
@@ -39,6 +47,7 @@ class AdjustableRenderer(Renderer):
         device: str | Device | None = None,
         wave_size: int | None = None,
         curves: Given = None,
+        geometry: Geometry | None = None,
     ) -> None:
         if scene.film.layers or scene.film.background != "light":
             raise SceneError(
@@ -50,7 +59,9 @@ class AdjustableRenderer(Renderer):
                 f"scene {scene.name!r}: render.allocation = {scene.render.allocation!r}: while the "
                 f"scene changes all pixels take the same number of samples; set it to 'even'"
             )
-        super().__init__(scene, device, wave_size, curves=curves, adjustable=True)
+        super().__init__(
+            scene, device, wave_size, curves=curves, adjustable=True, geometry=geometry
+        )
         #: Pixels that the film has room for.
         self.most_pixels = self.n_pixels
 
@@ -81,6 +92,48 @@ class AdjustableRenderer(Renderer):
         if self.setup.learning:
             self.setup.learning.of_pixels(window.n_pixels)
         self.look(self.scene.chosen_camera)
+
+    def change_lights(self, scene: Scene, lights: Lights) -> None:
+        """Forget all samples; the next ones are lit by the environment and the lamps of a scene,
+        around its body, and end where its [render] says.
+
+        Parameters
+        ----------
+        scene : Scene       its fibres and grooms are those of the renderer's, its meshes too and
+                            they emit no light
+        lights : Lights     what it builds
+
+        Raises
+        ------
+        SceneError          lights that need other kernels
+        """
+        fibres = [material.fibre for material in self.materials]
+        kept = {
+            name: getattr(self.features, name) for name in ("channels", "crop", "meshes", "motion")
+        }
+        features = scene_features(scene, fibres, lights).with_(
+            **kept, point_radii=self.features.point_radii
+        )
+        if features != self.features or scene.has_bright_meshes:
+            raise SceneError(
+                f"scene {scene.name!r}: its lights need other kernels than are built; make another "
+                f"renderer"
+            )
+        stages = self.wavefront
+        stages.checks.forget(stages.light)
+        stages.light = upload_lights(self.memory, lights, features, self.setup.middle)
+        stages.checks.watch(stages.light)
+        if features.area_lamps:
+            stages.lamps = [stages.light]
+        if features.surface is not None:
+            stages.surface = [surface_struct(scene, features)]
+        self.setup = replace(self.setup, n_negative=lights.n_negative)
+        self.scene = scene.seen_by(self.scene.chosen_camera)
+        self._wave = wave_struct(self.scene, self.wavefront)
+        learning = self.setup.learning
+        if learning:
+            learning.begin_with(scene.render.survival_threshold, scene.render.shadow_threshold)
+        self.restart(self.scene.render.seed)
 
     def change_fibres(
         self, scene: Scene, fibres: Mapping[str, Any], prepared: Mapping[str, Any] | None = None

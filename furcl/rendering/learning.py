@@ -32,8 +32,7 @@ import pyopencl as cl
 
 from furcl.device.layout import Fields, struct_dtype
 from furcl.device.memory import Memory, fill
-from furcl.groom.curves import Curves
-from furcl.groom.optical_depth import DIRECTIONS, OpticalDepths, optical_depths
+from furcl.groom.optical_depth import DIRECTIONS, OpticalDepths
 
 GRID: Fields = (
     ("corner", "float4"),  # w: voxels a unit of length
@@ -126,7 +125,7 @@ class Learning:
     ----------
     memory : Memory
     buffers : Buffers               of the wavefront
-    curves : Curves
+    depths : OpticalDepths          of the groom
     n_pixels : int
     path_threshold : float          of all cells, until something is learned
     shadow_threshold : float        likewise, of light samples [radiance]
@@ -141,20 +140,24 @@ class Learning:
         self,
         memory: Memory,
         buffers: Buffers,
-        curves: Curves,
+        depths: OpticalDepths,
         n_pixels: int,
         path_threshold: float,
         shadow_threshold: float,
     ) -> None:
         self._memory, self._buffers = memory, buffers
-        self._start = np.repeat(np.array([path_threshold, shadow_threshold], np.float32), N_CELLS)
+        self.begin_with(path_threshold, shadow_threshold)
         self.of_pixels(n_pixels)
-        grid, voxels = _packed(optical_depths(curves))
+        grid, voxels = _packed(depths)
         self._head = len(grid)
         memory.release("learned", buffers.table)
         buffers.table = memory.allocate("learned", grid.nbytes + self._start.nbytes + voxels.nbytes)
         whole = np.concatenate([grid, self._start.view(np.uint32), voxels.view(np.uint32)])
         cl.enqueue_copy(memory.device.queue, buffers.table, whole)
+
+    def begin_with(self, path_threshold: float, shadow_threshold: float) -> None:
+        """Thresholds that `forget` sets."""
+        self._start = np.repeat(np.array([path_threshold, shadow_threshold], np.float32), N_CELLS)
 
     def of_pixels(self, n_pixels: int) -> None:
         """Learn from a picture of so many pixels, of which there are no samples yet."""

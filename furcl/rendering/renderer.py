@@ -23,7 +23,7 @@ from furcl.rendering.checkpoint import Checkpoints, check_checkpoints, go_on
 from furcl.rendering.display import Shown
 from furcl.rendering.held import Held
 from furcl.rendering.plan import SamplePlan
-from furcl.rendering.setup import Setup, camera_struct, set_up, wave_struct
+from furcl.rendering.setup import Geometry, Setup, camera_struct, set_up, wave_struct
 from furcl.rendering.shutter import shutter_words
 from furcl.rendering.specialise import summary
 from furcl.rendering.state import read_header
@@ -64,8 +64,8 @@ class Renderer:
     target : Target or None         error at which `advance` stops before it has all samples
     held : Held or None             numbers that all samples of a pixel share; where this is not
                                     None, the attribute may be changed between calls of `advance`
-    adjustable : bool               compile what other numbers of the fibres and other windows of
-                                    the film could need (furcl.rendering.adjustable)
+    adjustable : bool               compile all that furcl.rendering.adjustable could need
+    geometry : Geometry or None     of a renderer of the same grooms and meshes on the device
 
     Attributes
     ----------
@@ -94,6 +94,7 @@ class Renderer:
         target: Target | None = None,
         held: Held | None = None,
         adjustable: bool = False,
+        geometry: Geometry | None = None,
     ) -> None:
         check_curves(curves)
         if held and scene.render.sequence != "independent":
@@ -113,6 +114,7 @@ class Renderer:
             with_target=target is not None,
             with_held=held is not None,
             adjustable=adjustable,
+            geometry=geometry,
         )
         self.features = self.setup.features
         self.materials = self.setup.materials

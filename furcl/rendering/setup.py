@@ -14,7 +14,7 @@ import numpy as np
 import pyopencl as cl
 
 from furcl.bvh import embree
-from furcl.bvh.build import Bvh, build_bvh
+from furcl.bvh.build import BUFFERS, Bvh, build_bvh
 from furcl.device import index_checks, layout
 from furcl.device.features import Features
 from furcl.device.memory import Memory
@@ -26,6 +26,7 @@ from furcl.fibre.model import model_of
 from furcl.fibre.packed import Packed, bind
 from furcl.groom.curves import Curves
 from furcl.groom.joined import Groom, Grooms
+from furcl.groom.optical_depth import OpticalDepths, optical_depths
 from furcl.light.lights import Lights
 from furcl.rendering.arguments import Given
 from furcl.rendering.film import Film
@@ -54,6 +55,20 @@ class GroomFacts:
 
 
 @dataclass(frozen=True, eq=False)
+class Geometry:
+    """What follows from grooms and meshes alone.
+
+    Attributes
+    ----------
+    tree : Bvh                      that rays are sent through
+    depths : OpticalDepths or None  of the grooms, where something is learned while rendering
+    """
+
+    tree: Bvh
+    depths: OpticalDepths | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Setup:
     """Everything that a scene needs on one device.
 
@@ -66,6 +81,8 @@ class Setup:
     learning : Learning or None     where something is learned while rendering
     seconds : dict              curves (from here on), bvh, tables, compile [s]; the first two pass
                                 while the next two do; learning [s] where there is some
+    geometry : Geometry
+    middle : (3,) float64       of the grooms' box: where the light's strength is taken
     times : floats              of the groom's time steps, if it moves
     n_negative : int            values of the light below zero, which were set to zero
     """
@@ -78,7 +95,8 @@ class Setup:
     wavefront: Wavefront
     learning: Learning | None
     wave_size: WaveSize
-    n_segments: int
+    geometry: Geometry
+    middle: np.ndarray
     times: tuple[float, ...]
     n_negative: int
     seconds: dict[str, float]
@@ -109,6 +127,7 @@ def set_up(
     with_target: bool = False,
     with_held: bool = False,
     adjustable: bool = False,
+    geometry: Geometry | None = None,
 ) -> Setup:
     """Grow the groom and build its tree, while tables are made and kernels compiled.
 
@@ -136,6 +155,9 @@ def set_up(
 
     def build_tree(grooms: Future[Grooms]) -> Bvh:
         grown = grooms.result().curves
+        if geometry:
+            memory.share(geometry.tree.memory, BUFFERS)
+            return geometry.tree
         with timed("bvh"):
             corners = None if meshes is None else meshes.corners()
             return build_bvh(memory, grown, point_radii(grown), corners, debug=features.debug)
@@ -173,19 +195,20 @@ def set_up(
             point_radii=point_radii(grown), motion=max(len(grown.times) - 1, 0)
         )
         size = choose_wave_size(memory.device, features, wave_size)
-        window = scene.film.window
+        window, middle = scene.film.window, np.mean(grown.bounds(), axis=0)
         film = Film.allocate(memory, window.width, window.height, features, scene.render.spp)
         with timed("compile"):
             wavefront = _wavefront(
-                memory, scene, features, materials, meshes, lights, film, grown, size
+                memory, scene, features, materials, meshes, lights, middle, film, grown, size
             )
-        learning = None
+        learning, depths = None, geometry.depths if geometry else None
         if wavefront.learning:
             with timed("learning"):
+                depths = depths or optical_depths(grown)
                 learning = Learning(
                     memory,
                     wavefront.learning,
-                    grown,
+                    depths,
                     window.n_pixels,
                     scene.render.survival_threshold,
                     scene.render.shadow_threshold,
@@ -202,7 +225,8 @@ def set_up(
         wavefront,
         learning,
         size,
-        tree.result().n_segments,
+        Geometry(tree.result(), depths),
+        middle,
         grown.times,
         lights.n_negative,
         timed.seconds,
@@ -298,14 +322,13 @@ def _wavefront(
     materials: list[FibreMaterial],
     meshes: Meshes | None,
     lights: Lights,
+    middle: np.ndarray,
     film: Film,
     curves: Curves,
     size: WaveSize,
 ) -> Wavefront:
     """Compile the kernels and allocate what they work on."""
-    middle = np.mean(curves.bounds(), axis=0) if lights.lamps else np.zeros(3)
-    light = lights.device_buffer(features.light_sampling, middle)
-    buffer: cl.Buffer = index_checks.upload(memory, "light", light, features.debug)
+    buffer = upload_lights(memory, lights, features, middle)
     shading = None
     if meshes and isinstance(features.meshes, MeshPart):
         lit = sum(len(mesh.triangles) for mesh in meshes.lamps)
@@ -316,7 +339,7 @@ def _wavefront(
         memory,
         features,
         [material.with_features(features) for material in materials],
-        None if features.surface is None else (scene.body or ABSENT).params(),
+        surface_struct(scene, features),
         shading,
         buffer,
         camera_struct(camera, scene.film),
@@ -325,6 +348,19 @@ def _wavefront(
         curves.n_points,
         size.paths,
     )
+
+
+def upload_lights(
+    memory: Memory, lights: Lights, features: Features, middle: np.ndarray
+) -> cl.Buffer:
+    """The light of a scene on the device; `middle` (3,) is where its strength is taken."""
+    words = lights.device_buffer(features.light_sampling, middle)
+    return index_checks.upload(memory, "light", words, features.debug)
+
+
+def surface_struct(scene: Scene, features: Features) -> np.ndarray | None:
+    """The struct SurfaceParams of what lies beside the strands, where kernels have a surface."""
+    return None if features.surface is None else (scene.body or ABSENT).params()
 
 
 def _surfaces(scene: Scene, features: Features) -> list[str]:

@@ -36,7 +36,7 @@ def statistics(renderer: Renderer) -> dict[str, Any]:
         "height": renderer.film.height,
         **({} if renderer.window.whole else {"crop": list(renderer.window.box)}),
         "transparent": renderer.features.transparent,
-        "segments": renderer.setup.n_segments,
+        "segments": renderer.setup.geometry.tree.n_segments,
         "features": {
             "compiled": renderer.material.features.as_dict(),
             "left_out": left_out(renderer.material),

@@ -171,10 +171,10 @@ class Wavefront:
         self.memory = memory
         self.features = features
         self.fibres = [FibreStages(memory, m, i) for i, m in enumerate(materials)]
-        self._surface = [] if features.surface is None else [surface]
+        self.surface = [] if features.surface is None else [surface]
         self._shading = [] if features.meshes is None else [shading]
         self.light = light
-        self._lamps = [light] if features.area_lamps else []
+        self.lamps = [light] if features.area_lamps else []
         self.film = film
         self._shutter: list[cl.Buffer] = []
         self.look(camera, shutter)
@@ -326,8 +326,8 @@ class Wavefront:
             *self.geometry[:3],
             *self._starts,
             *self._corners,
-            *self._surface,
-            *self._lamps,
+            *self.surface,
+            *self.lamps,
         )
 
     def add_first_hits(self, wave: np.ndarray, n_pixels: int) -> None:
@@ -343,10 +343,10 @@ class Wavefront:
                 self.camera,
                 *self.geometry[:3],
                 *layers.first_hit_arguments(),
-                *self._surface,
+                *self.surface,
                 *self._corners,
                 *self._shading,
-                *self._lamps,
+                *self.lamps,
                 *([self.film.plan.plan] if self.film.plan else []),
                 *(self._shutter if self.features.camera_motion else []),
             )
@@ -439,7 +439,7 @@ class Wavefront:
             wave,
             np.uint32(depth),
             self.light,
-            *self._surface,
+            *self.surface,
             *self._corners,
             *self._shading,
             *self._learned,
@@ -456,8 +456,8 @@ class Wavefront:
                 self.counts,
                 self.n_slots,
                 *self.geometry,
-                *self._surface,
-                *self._lamps,
+                *self.surface,
+                *self.lamps,
                 *([np.uint32(depth)] if self.features.has_layer("lobes") else []),
             )
 

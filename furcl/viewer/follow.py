@@ -14,13 +14,18 @@ from furcl.device.choice import Device
 from furcl.errors import ResourceError, SceneError
 from furcl.fibre.model import model_of
 from furcl.groom.joined import Grooms
+from furcl.light.lights import Lights
 from furcl.rendering.adjustable import AdjustableRenderer
+from furcl.rendering.setup import Geometry
 from furcl.scene.camera import Camera
 from furcl.scene.tables import Scene
 
 #: Paths of a wave on CPUs: a change waits for the end of one.
 CPU_WAVE = 1 << 14
 GPU_WAVE = 1 << 18
+#: Tables of a scene, and keys of [render], that a renderer takes others of.
+LIT_BY = ("environment", "lamp", "body")
+ENDS_OF_PATHS = ("max_depth", "roulette_depth", "roulette_threshold", "shadow_threshold")
 
 
 class Follower:
@@ -41,11 +46,14 @@ class Follower:
         self._camera: Camera | None = None
         self._grooms: Grooms | None = None
         self._of_grooms: Any = None
+        self._geometry: Geometry | None = None
+        self._of_meshes: Any = None
+        self._lights: tuple[Any, Lights] | None = None
         self._beside = ThreadPoolExecutor(1, "prepare")
         self._preparing: Future[dict[str, tuple[Any, Any]]] | None = None
 
     def needs_set_up(self, scene: Scene) -> bool:
-        """Whether a scene needs more than another camera, window or numbers of fibres."""
+        """Whether a scene needs more than another camera, window, light or numbers of fibres."""
         if self.renderer is None or self._scene is None:
             return True
         if scene.film.window.n_pixels > self.renderer.most_pixels:
@@ -140,31 +148,44 @@ class Follower:
         renderer, before = self.renderer, self._scene
         assert renderer is not None
         assert before is not None
+        # What can be refused comes before the first change.
+        camera = self._camera
+        framing = scene.chosen_camera.origin is None and _framing(scene) != _framing(before)
+        if scene.chosen_camera != before.chosen_camera or framing:
+            camera = self.resolved(scene)
+        assert camera is not None
+        lights = self._built_lights(scene) if _lit(scene) != _lit(before) else None
         fibres, old = scene.build_fibres(), before.build_fibres()
         changed = {name: fibre for name, fibre in fibres.items() if fibre != old[name]}
         if changed:
             self.drafted -= changed.keys()
             self.drafted |= renderer.change_fibres(scene, changed)
-        camera = self._camera
-        framing = scene.chosen_camera.origin is None and scene.film.aspect != before.film.aspect
-        if scene.chosen_camera != before.chosen_camera or framing:
-            camera = self.resolved(scene)
-        assert camera is not None
+        if lights:
+            renderer.change_lights(scene, lights)
         renderer.look(camera)
         seen = scene.seen_by(camera)
         renderer.scene = seen
         renderer.show(seen.film)
         self._scene, self._camera = scene, camera
 
+    def _built_lights(self, scene: Scene) -> Lights:
+        of_lights = scene.environment, dict(scene.lamp), scene.render.lamp_choice
+        if self._lights is None or self._lights[0] != of_lights:
+            self._lights = of_lights, scene.build_lights()
+        return self._lights[1]
+
     def _set_up(self, scene: Scene) -> None:
-        of_grooms = _of_grooms(scene)
+        of_grooms, of_meshes = _of_grooms(scene), msgspec.to_builtins(scene.mesh)
         if of_grooms != self._of_grooms or self._grooms is None:
-            grooms = scene.build_grooms()
+            grooms, geometry = scene.build_grooms(), None
         else:
-            grooms = self._grooms
+            grooms, geometry = self._grooms, self._geometry
+        if of_meshes != self._of_meshes:
+            geometry = None
         camera = scene.resolved_camera(grooms.curves, scene.build_meshes())
         wave = CPU_WAVE if self.device.is_cpu else GPU_WAVE
-        renderer = AdjustableRenderer(scene.seen_by(camera), self.device, wave, grooms)
+        renderer = AdjustableRenderer(scene.seen_by(camera), self.device, wave, grooms, geometry)
+        self._geometry, self._of_meshes = renderer.setup.geometry, of_meshes
         self.renderer, self._scene, self._camera = renderer, scene, camera
         self._grooms, self._of_grooms = grooms, of_grooms
         self.drafted.clear()
@@ -186,11 +207,16 @@ def _fixed(scene: Scene) -> Any:
     """What a renderer keeps of a scene, as plain values."""
     document = msgspec.to_builtins(scene)
     camera = scene.chosen_camera
+    lights = [*scene.lamp.items(), ("environment", scene.environment), ("body", scene.body)]
+    kinds = [(name, type(table)) for name, table in lights]
+    if not scene.has_bright_meshes:
+        for name in LIT_BY:
+            document.pop(name)
     for name in ("name", "camera", "cameras", "fibre", "material"):
         document.pop(name)
     for name in ("width", "height", "crop", "exposure_stops", "camera"):
         document["film"].pop(name)
-    for name in ("spp", "seed"):
+    for name in ("spp", "seed", *ENDS_OF_PATHS):
         document["render"].pop(name)
     for groom in document["groom"].values():
         groom.pop("fibre")
@@ -199,12 +225,26 @@ def _fixed(scene: Scene) -> Any:
         camera.aperture_radius > 0.0,
         len(camera.places),
         camera.shutter,
+        scene.render.first_roulette < scene.render.max_depth,
+        scene.render.roulette == "adjoint" or scene.render.shadow_threshold > 0.0,
     )
     fibres = [
         (name, type(table), table.mode, table.absorption)
         for name, table in scene.materials().items()
     ]
-    return document, kernels, fibres
+    return document, kinds, kernels, fibres
+
+
+def _framing(scene: Scene) -> Any:
+    """What a camera that frames follows from, beside grooms and meshes."""
+    return scene.film.aspect, scene.body
+
+
+def _lit(scene: Scene) -> Any:
+    """What `AdjustableRenderer.change_lights` takes of a scene, as plain values."""
+    document = msgspec.to_builtins(scene)
+    of_render = [document["render"][name] for name in ENDS_OF_PATHS]
+    return [document[name] for name in LIT_BY], of_render
 
 
 def _of_grooms(scene: Scene) -> Any:

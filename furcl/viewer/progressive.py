@@ -74,6 +74,11 @@ class Progressive:
         return self._renderer.materials
 
     @property
+    def at_first(self) -> bool:
+        """Whether there is no picture yet since the last change, so that all else waits."""
+        return self._at_first
+
+    @property
     def has_work(self) -> bool:
         """Whether a step would make the picture better."""
         if self._at_first or self._follower.is_prepared:

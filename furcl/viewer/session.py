@@ -147,6 +147,7 @@ class Session:
                     continue
                 if self._progressive.step():
                     self._tell_picture(self._slot)
+                    self._show_lobes()
                 if self._progressive.refined():
                     self._show_again()
         except Exception as failure:
@@ -243,6 +244,10 @@ class Session:
     def _show_again(self) -> None:
         """Tell of what is shown when it is another."""
         self._tell_state()
+        if self._paused or not self._progressive.at_first:
+            self._show_lobes()
+
+    def _show_lobes(self) -> None:
         residual = self._settings.scene.render.residual
         self._lobes.show(self._progressive.materials, residual)
 

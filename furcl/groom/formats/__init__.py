@@ -141,12 +141,14 @@ def load_curves(
         )
     try:
         check_regular(path)
-        curves = form.read(path, Asked(default_radius, basis, points_per_strand))
-        if isinstance(curves, Strands):
-            if basis != "linear":
-                _refuse_motion(path, curves, basis)
-                curves = flattened(curves, basis)
-            curves = curves.checked()
+        # What is too large, or no number, in a damaged file is refused with the points.
+        with np.errstate(all="ignore"):
+            curves = form.read(path, Asked(default_radius, basis, points_per_strand))
+            if isinstance(curves, Strands):
+                if basis != "linear":
+                    _refuse_motion(path, curves, basis)
+                    curves = flattened(curves, basis)
+                curves = curves.checked()
     except OSError as error:
         raise GroomError(
             f"{path}: cannot be read: {error.strerror or error}. Check the path and its rights."

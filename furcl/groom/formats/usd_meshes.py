@@ -59,9 +59,15 @@ def _mesh(prim, time, matrix, number, arrays, UsdGeom) -> dict[str, Any]:
             length = np.linalg.norm(world, axis=1, keepdims=True)
             keep("normals", world / np.where(length > 0.0, length, 1.0), np.float64)
             kept["normals"] = of_normals
-    keep("counts", mesh.GetFaceVertexCountsAttr().Get(time), np.int64)
-    keep("indices", mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
-    keep("holes", mesh.GetHoleIndicesAttr().Get(time), np.int64)
+    numbers = {
+        "counts": mesh.GetFaceVertexCountsAttr(),
+        "indices": mesh.GetFaceVertexIndicesAttr(),
+        "holes": mesh.GetHoleIndicesAttr(),
+    }
+    for name, attribute in numbers.items():
+        keep(name, attribute.Get(time), np.int64)
+        # A stage may say another type than the schema's: one number, or several in a row.
+        arrays[f"{number}/{name}"] = arrays[f"{number}/{name}"].reshape(-1)
     for name in _PLACES:
         primvar = primvars.GetPrimvar(name)
         value = primvar.ComputeFlattened(time) if primvar and primvar.HasValue() else None

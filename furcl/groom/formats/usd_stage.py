@@ -11,6 +11,7 @@ import json
 import os
 import resource
 import sys
+import zipfile
 from importlib import import_module
 from typing import Any, BinaryIO
 
@@ -31,6 +32,8 @@ COLOUR_INPUTS = (
 FALLBACK_COLOUR = (0.18, 0.18, 0.18)
 #: As of furcl.scene.motion, which follows turns alike.
 LARGEST_TURN_DEG = 4.0
+#: Points.
+PLACED_AT_ONCE = 1 << 16
 
 
 def pxr(module: str) -> Any:
@@ -105,11 +108,10 @@ def _motion(prim, number: int, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
     for i, moment in enumerate(times):
         code = Usd.TimeCode(moment)
         matrix = np.array(UsdGeom.XformCache(code).GetLocalToWorldTransform(prim))
-        points = np.asarray(of_points.Get(code), np.float64).reshape(-1, 3)
+        points = np.asarray(of_points.Get(code)).reshape(-1, 3)
         if len(points) != n_points:
             return {"points_change": True}
-        with np.errstate(all="ignore"):  # what is not finite is refused with the points
-            steps[i] = points @ matrix[:3, :3] + matrix[3, :3]
+        _place(points, matrix, steps[i])
     arrays[f"{number}/points"], arrays[f"{number}/times"] = steps, np.array(times, np.float64)
     return {}
 
@@ -153,13 +155,17 @@ def _curves(prim, time, matrix, number, arrays) -> dict[str, Any]:
         if value is not None:
             arrays[f"{number}/{name}"] = np.asarray(value, dtype)
 
-    keep("counts", curves.GetCurveVertexCountsAttr().Get(time), np.int64)
+    def keep_numbers(name, value, dtype):
+        # A stage may say another type than the schema's: one number, or several in a row.
+        if value is not None:
+            keep(name, np.asarray(value, dtype).reshape(-1), dtype)
+
+    keep_numbers("counts", curves.GetCurveVertexCountsAttr().Get(time), np.int64)
     points = curves.GetPointsAttr().Get(time)
     if points is not None:
-        with np.errstate(all="ignore"):  # what is not finite is refused with the points
-            world = np.asarray(points, np.float64).reshape(-1, 3) @ matrix[:3, :3] + matrix[3, :3]
-            keep("points", world, np.float32)
-    keep("widths", curves.GetWidthsAttr().Get(time), np.float32)
+        points = np.asarray(points).reshape(-1, 3)
+        keep("points", _place(points, matrix, np.empty(points.shape, np.float32)), np.float32)
+    keep_numbers("widths", curves.GetWidthsAttr().Get(time), np.float32)
     values = {}
     for primvar in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues():
         name = primvar.GetPrimvarName()
@@ -190,6 +196,16 @@ def _curves(prim, time, matrix, number, arrays) -> dict[str, Any]:
     }
 
 
+def _place(points: np.ndarray, matrix: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """Points (n, 3) as a matrix transforms them, into `out`; a part at a time, because they are in
+    float64 meanwhile."""
+    for begin in range(0, len(points), PLACED_AT_ONCE):
+        part = slice(begin, begin + PLACED_AT_ONCE)
+        with np.errstate(all="ignore"):  # what is not finite is refused with the points
+            out[part] = points[part].astype(np.float64) @ matrix[:3, :3] + matrix[3, :3]
+    return out
+
+
 def _material_colour(prim, time) -> list[float] | None:
     """The colour that the surface shader of the bound material says, if it is one number each."""
     UsdShade = pxr("UsdShade")
@@ -215,8 +231,12 @@ def write_result(path: str, file: BinaryIO, what: str = "curves") -> None:
         raise
     except Exception as error:  # usd-core raises many kinds
         said, arrays = {"error": str(error)[:2000] or type(error).__name__}, {}
-    text = np.frombuffer(json.dumps(said).encode(), np.uint8)
-    np.savez(file, allow_pickle=False, said=text, **{k: arrays[k] for k in arrays})
+    arrays["said"] = np.frombuffer(json.dumps(said).encode(), np.uint8)
+    # As np.savez writes them, but none is held once it is there.
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        for name in list(arrays):
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, arrays.pop(name), allow_pickle=False)
 
 
 def main(request: str) -> int:
