@@ -201,7 +201,7 @@ def _made(make: Callable[[Results], str], name: str = RESULTS) -> Callable[[], s
 
 
 TABLES = {
-    "pays-circumstances": _made(lambda results: circumstances(results)),
+    "pays-circumstances": _made(lambda results: circumstances(*results["runs"])),
     "pays-counts": _made(counts),
     "pays-black": _made(black),
     "parts-circumstances": _made(lambda results: circumstances(results), PARTS_RESULTS),
@@ -213,6 +213,7 @@ TABLES = {
 
 if __name__ == "__main__":
     found = load(RESULTS)
-    about = {"Description": f"{found['command']}, commit {found['git']}"}
+    commits = ", ".join(dict.fromkeys(run["git"] for run in found["runs"]))
+    about = {"Description": f"{found['runs'][0]['command']}, commits {commits}"}
     save(draw(found), FIGURE, dpi=130, metadata=about)
     print(f"wrote {FIGURE.relative_to(FOLDER.parents[1])}")
