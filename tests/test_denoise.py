@@ -134,3 +134,14 @@ def test_a_render_has_a_preview_beside_it(device, tmp_path):
     said = CliRunner().invoke(app, ["denoise", out, "-o", str(tmp_path / "c.exr")])
     assert said.exit_code == 0, said.output
     assert "(colour alone)" in Image.load(tmp_path / "c.exr").stats["denoised"]
+
+
+@WITH
+def test_every_frame_has_a_preview_beside_it(device, tmp_path):
+    out = str(tmp_path / "turn.#.exr")
+    command = ["render", "single_fibre", "-o", out, "--size", "32x32", "--spp", "1", "--denoise"]
+    said = CliRunner().invoke(app, [*command, "--frames", "0:2", "--orbit", "90"])
+    assert said.exit_code == 0, said.output
+    for frame in (0, 1):
+        preview = Image.load(tmp_path / f"turn.{frame}.denoised.exr")
+        assert "(albedo, normal)" in preview.stats["denoised"]

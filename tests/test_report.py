@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -41,6 +42,20 @@ def test_pages_of_all_results_in_a_folder(kept):
 def test_the_command_names_the_pages(kept):
     result = CliRunner().invoke(app, ["report", str(kept / "stability")])
     assert result.stdout.split() == [str(kept / "stability" / "index.html")]
+
+
+def test_runs_without_the_scene_are_passed_over(kept):
+    there = kept / "convergence" / "single-fibre-raccoon"
+    other = kept / "convergence" / "other"
+    other.mkdir()
+    text = (there / "results.json").read_text()
+    (name,) = {scene["name"] for scene in json.loads(text)["scenes"]}
+    (other / "results.json").write_text(text.replace(f'"{name}"', '"another"'))
+    command = ["report", str(other), str(there), "--scene", name]
+    said = CliRunner().invoke(app, command)
+    assert said.stdout.split() == [str(there / "index.html")]
+    with pytest.raises(BenchError, match="scene 'none': not in the results; allowed are another"):
+        write_pages(other, there, scenes=["none"])
 
 
 @pytest.mark.parametrize("text", [None, '{"schema": "other-1"}'])

@@ -146,12 +146,21 @@ def test_strands_and_mesh_of_one_file_stand_alike(device, tmp_path):
     text += mesh(points=[(x * 4 - 1.5, 0, y * 4 - 2) for x, y, _ in POINTS], counts=(4,),
                  indices=(0, 3, 2, 1))  # fmt: skip
     path = written(tmp_path, text)
-    command = ["render", str(path), "--set", f"mesh.floor.file={path}", "--size", "24x24"]
+    command = ["render", str(path), "--size", "24x24"]
     said = CliRunner().invoke(app, [*command, "--spp", "2", "-o", str(tmp_path / "a.exr")])
     assert said.exit_code == 0, said.output
     assert np.isfinite(Image.load(tmp_path / "a.exr").rgb).all()
-    scene = load_scene(path, overrides=[f"mesh.floor.file={path}"])
+    scene = load_scene(path)
     (floor,) = scene.mesh.values()
     low = floor.build().triangles.bounds()[1][2]
     assert low == pytest.approx(0.0, abs=1e-6)
     assert scene.build_curves().points[:, 2].min() == pytest.approx(0.2, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "more", ['    token visibility = "invisible"\n', '    uniform token purpose = "guide"\n']
+)
+def test_a_groom_without_visible_meshes_has_none_beside_it(tmp_path, more):
+    strands = prim("hair", np.zeros((4, 3)), (4,), widths=(0.05,))
+    assert not load_scene(written(tmp_path, strands + mesh(more=more))).mesh
+    assert load_scene(written(tmp_path, strands + mesh())).mesh

@@ -110,6 +110,14 @@ def test_a_change_gives_another_picture(page: Page, message: dict[str, Any], cha
     assert np.abs(after.astype(np.float64) - before).mean() > 1e-4
 
 
+def test_drafts_are_told(view: View, page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
+    page.whole()
+    assert page.state["drafted"] == []
+    monkeypatch.setattr(view.session._progressive._follower, "drafted", {"fibre"})
+    page.send("set", key="film.exposure_stops", value=1.0)
+    page.wait("state", exposure_stops=1.0, drafted=["fibre"])
+
+
 def test_exposure_changes_no_sample(page: Page) -> None:
     found, _ = page.whole()
     page.send("set", key="film.exposure_stops", value=2.0)

@@ -45,6 +45,10 @@ _SCENES = {
         "pixels large",
     ),
     "fibres much thinner than a pixel": ("", "pixels thick"),
+    "fewer samples than would meet a fibre": (
+        "[film]\nwidth = 4\nheight = 4\n[render]\nspp = 1\n",
+        "meet a fibre",
+    ),
     "10^12 samples": ("[film]\nwidth = 1024\nheight = 1024\n[render]\nspp = 1000000\n", "hours"),
 }
 

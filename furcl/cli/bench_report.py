@@ -26,6 +26,5 @@ def report(
     """
     from furcl.report.pages import write_pages
 
-    for folder in folders:
-        for page in write_pages(folder, metrics=metric.split(","), scenes=scene or ()):
-            typer.echo(page)
+    for page in write_pages(*folders, metrics=metric.split(","), scenes=scene or ()):
+        typer.echo(page)

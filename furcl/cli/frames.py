@@ -48,9 +48,17 @@ def check_frames(
 
 
 def render_all(
-    scene: Scene, frames: str, orbit: float, output: Path, stats: Path | None, **options: Any
+    scene: Scene,
+    frames: str,
+    orbit: float,
+    *,
+    output: Path,
+    stats: Path | None,
+    denoise: bool = False,
+    **options: Any,
 ) -> None:
-    """Render the frames, write each as soon as it is there; options are those of render_frames."""
+    """Render the frames, write each as soon as it is there, denoised as well if asked for; options
+    are those of render_frames."""
     from furcl.cli.outputs import Outputs
     from furcl.cli.render import tell_what_was_reached
 
@@ -81,7 +89,8 @@ def render_all(
                 )
                 for frame, image in pictures:
                     of_frame = stats and frame_path(stats, frame)
-                    Outputs.of(frame_path(output, frame), of_frame).write(image)
+                    named = frame_path(output, frame)
+                    Outputs.of(named, of_frame, denoise=denoise).write(image)
                     tell_what_was_reached(image.stats, scene.render.spp)
                     if interrupt.requested:
                         break

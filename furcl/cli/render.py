@@ -134,7 +134,7 @@ def render(
         )  # fmt: skip
     outputs = Outputs.of(output, stats, denoise=denoise)
     if denoise:
-        check_denoise(frames)
+        check_denoise()
     outputs.check([find_scene(scene), *([sampler] if sampler else [])])
     if sampler:
         if sampling:
@@ -157,7 +157,10 @@ def render(
     if frames is not None:
         limits = {"target_rmse": target_rmse, "target_relmse": target_relmse}
         options = {"spp": spp, "device": device, "wave_size": wave_size, "time_limit": time_limit}
-        render_all(loaded, frames, orbit or 0.0, output, stats, **options, **limits)
+        render_all(
+            loaded, frames, orbit or 0.0, output=output, stats=stats, denoise=denoise,
+            **options, **limits,
+        )  # fmt: skip
         return
     with interruptible() as interrupt:
         with progress_report() as report:
@@ -200,15 +203,13 @@ def render(
         raise interrupt.exit()
 
 
-def check_denoise(frames: str | None) -> None:
+def check_denoise() -> None:
     """Refuse, before a render, a preview that could not be made after it."""
     from importlib.util import find_spec
 
     from furcl.errors import ImageError
     from furcl.image.denoise import NEEDED
 
-    if frames is not None:
-        raise typer.BadParameter("--denoise and --frames: denoise the frames by furcl denoise")
     if find_spec("pyoidn") is None:
         raise ImageError(NEEDED)
 

@@ -22,6 +22,8 @@ SMALL_PX = 2.0
 # Of the groom's size.
 FAR_BESIDE = 0.25
 THIN_PX = 1e-3
+FEW_HITS = 10
+FEW_SEGMENTS = 100_000  # of more, thin ones are told by their thickness
 LONG_SPP = 1e11  # samples of all pixels: hours on any machine
 
 
@@ -95,6 +97,29 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
             f"fibres are {2.0 * radius_px:.1g} pixels thick: samples hardly meet them, so the "
             f"picture is black or noisy; give radius_scale or move the camera closer"
         )
+    elif curves.n_segments <= FEW_SEGMENTS:
+        hits = _likely_hits(scene, camera, curves)
+        if hits < FEW_HITS:
+            yield (
+                f"about {hits:.1g} samples of all pixels meet a fibre, so the picture is black or "
+                f"noisy; give more samples, radius_scale, or move the camera closer"
+            )
+
+
+def _likely_hits(scene: Scene, camera: Camera, curves: Curves) -> float:
+    """How many samples of all pixels meet a fibre where none hides another."""
+    x, y, depth = camera.on_film(curves.points.astype(np.float64), scene.film.aspect)
+    first = curves.segment_vertices()
+    in_front = (depth[first] > 0.0) & (depth[first + 1] > 0.0)
+    film, first = np.stack([x, y], 1), first[in_front]
+    a, b = film[first], film[first + 1]
+    begin, end = _between_sides(a, b, 1.0)
+    share = np.maximum(np.minimum(end, 1.0) - np.maximum(begin, 0.0), 0.0)
+    half_px = 0.5 * np.array([scene.film.width, scene.film.height])
+    length_px = np.linalg.norm((b - a) * half_px, axis=1) * share
+    half = camera.half_height * (1.0 if camera.orthographic else depth[first])
+    thick_px = 2.0 * curves.radii[first] / half * half_px[1]
+    return float((length_px * thick_px).sum() * scene.render.spp)
 
 
 def _in_picture(scene: Scene, camera: Camera, curves: Curves) -> bool:
@@ -108,13 +133,18 @@ def _in_picture(scene: Scene, camera: Camera, curves: Curves) -> bool:
         return True
     half = camera.half_height * (1.0 if camera.orthographic else float(depth[front].min()))
     margin = 1.0 + float(curves.radii.max()) / max(half, 1e-30) * max(1.0, 1.0 / scene.film.aspect)
-    # What of a segment is between both sides, in parts of it, along either axis.
+    begin, end = _between_sides(a, b, margin)
+    return bool((front[first] & (np.maximum(begin, 0.0) <= np.minimum(end, 1.0))).any())
+
+
+def _between_sides(a: Array, b: Array, margin: float) -> tuple[Array, Array]:
+    """From which to which part of the way from a to b, (m, 2) on the film, it is between both
+    sides along both axes, (m,) each; they may lie beyond 0 and 1, and in the other order."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.sort(np.stack([(-margin - a) / (b - a), (margin - a) / (b - a)]), axis=0)
     still = (a == b) & (np.abs(a) <= margin)
     begin = np.where(still, -np.inf, ends[0]).max(axis=1)
-    end = np.where(still, np.inf, ends[1]).min(axis=1)
-    return bool((front[first] & (np.maximum(begin, 0.0) <= np.minimum(end, 1.0))).any())
+    return begin, np.where(still, np.inf, ends[1]).min(axis=1)
 
 
 def _of_body(body: Surface, camera: Camera, points: Array) -> Iterator[str]:

@@ -14,6 +14,8 @@ from furcl.values import shown
 MATERIAL = "brown"
 #: Radius of the strands of files without radii, of the size of the groom.
 RADIUS_SHARE = 2.5e-4
+#: Albedo of meshes beside a groom.
+SKIN = (0.5, 0.38, 0.3)
 
 TEMPLATE = """\
 # {title}
@@ -55,7 +57,7 @@ spp = 64                     # noise falls with its square root
 MESH = """\
 [mesh.body]
 file = {file}
-albedo = [0.5, 0.38, 0.3]
+albedo = {albedo}
 {transform}
 """
 
@@ -66,7 +68,11 @@ def is_groom(path: Path) -> bool:
 
 
 def groom_document(path: Path) -> dict[str, Any]:
-    """The scene document of a groom file: seen from the side, under a sky with a soft sun."""
+    """The scene document of a groom file: seen from the side, under a sky with a soft sun, the
+    meshes of its stage beside the strands."""
+    from furcl.groom.formats.usd_mesh import has_meshes
+
+    meshes = {"mesh": {"body": {"file": str(path), "albedo": list(SKIN)}}}
     return {
         "camera": {"azimuth_deg": -60.0, "elevation_deg": 10.0, "vfov_deg": 25.0},
         "film": {"width": 512, "height": 512},
@@ -85,6 +91,7 @@ def groom_document(path: Path) -> dict[str, Any]:
             "default_radius_share": RADIUS_SHARE,
         },
         "render": {"spp": 64},
+        **(meshes if has_meshes(path) else {}),
     }
 
 
@@ -152,6 +159,7 @@ def _mesh(mesh: Path, path: Path, up_axis: str | None) -> str:
     turn = "transform.rotate_deg = [90.0, 0.0, 0.0]  # y is up in its file, as in the groom's\n"
     return MESH.format(
         file=_quoted(_beside(mesh, path)),
+        albedo=list(SKIN),
         transform=turn if up_axis == "y" else "# transform.rotate_deg = [90.0, 0.0, 0.0]\n",
     )
 

@@ -79,6 +79,11 @@ class Progressive:
         return self._at_first
 
     @property
+    def drafted(self) -> list[str]:
+        """Materials that are there as drafts."""
+        return sorted(self._follower.drafted)
+
+    @property
     def has_work(self) -> bool:
         """Whether a step would make the picture better."""
         if self._at_first or self._follower.is_prepared:

@@ -260,6 +260,7 @@ class Session:
             revision=self._revision,
             paused=self._paused,
             doing=doing or "",
+            drafted=self._progressive.drafted,
             device=self._device.name,
         )
         self._tell("state", text)

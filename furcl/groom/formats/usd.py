@@ -390,8 +390,8 @@ FORMAT = Format(
     kept="`primvars:displayColor` as colours, else the colour that the material's surface shader "
     "says; other primvars of numbers that all prims have",
     left_out="NURBS and Hermite curves, point instancers, guides and what is invisible are "
-    "counted, and meshes, which `--set mesh.NAME.file=FILE.usd` shows beside the strands; texture "
-    "coordinates. Ribbons are read as fibres.",
+    "counted; texture coordinates. Meshes are shown beside the strands where the file is rendered "
+    "without a scene; in one, `mesh.NAME.file` names it again. Ribbons are read as fibres.",
     curved=True,
     extra="usd",
 )

@@ -25,6 +25,19 @@ def turns_itself(path: Path) -> bool:
     return path.suffix.lower() in usd.FORMAT.suffixes
 
 
+def has_meshes(path: Path) -> bool:
+    """Whether a groom file has visible meshes beside its strands; a file that cannot be read has
+    none."""
+    if not turns_itself(path):
+        return False
+    try:
+        check_regular(path)
+        said, _ = usd.extracted(path, "kinds")
+    except (OSError, GroomError):
+        return False
+    return bool(said.get("has_meshes"))
+
+
 def read_mesh(path: str | os.PathLike[str]) -> MeshArrays:
     """Read a mesh file: of USD all visible meshes of the stage, else as `surface.mesh.read`.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,18 @@ def extract_meshes(
     """
     from furcl.groom.formats.usd_stage import pxr
 
-    Usd, UsdGeom = pxr("Usd"), pxr("UsdGeom")
+    UsdGeom = pxr("UsdGeom")
     transforms = UsdGeom.XformCache(time)
+    for prim in visible_meshes(stage, time):
+        matrix = np.array(transforms.GetLocalToWorldTransform(prim))
+        said["meshes"].append(_mesh(prim, time, matrix, len(said["meshes"]), arrays, UsdGeom))
+
+
+def visible_meshes(stage: Any, time: Any) -> Iterator[Any]:
+    """The prims of a stage that are meshes and are rendered."""
+    from furcl.groom.formats.usd_stage import pxr
+
+    Usd, UsdGeom = pxr("Usd"), pxr("UsdGeom")
     prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim.IsA(UsdGeom.PointInstancer):
@@ -28,13 +39,11 @@ def extract_meshes(
             continue
         imageable = UsdGeom.Imageable(prim)
         if (
-            not prim.IsA(UsdGeom.Mesh)
-            or imageable.ComputePurpose() not in ("default", "render")
-            or imageable.ComputeVisibility(time) == "invisible"
+            prim.IsA(UsdGeom.Mesh)
+            and imageable.ComputePurpose() in ("default", "render")
+            and imageable.ComputeVisibility(time) != "invisible"
         ):
-            continue
-        matrix = np.array(transforms.GetLocalToWorldTransform(prim))
-        said["meshes"].append(_mesh(prim, time, matrix, len(said["meshes"]), arrays, UsdGeom))
+            yield prim
 
 
 def _mesh(prim, time, matrix, number, arrays, UsdGeom) -> dict[str, Any]:

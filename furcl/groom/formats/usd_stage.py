@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from furcl.groom.formats.usd_meshes import extract_meshes
+from furcl.groom.formats.usd_meshes import extract_meshes, visible_meshes
 from furcl.memory import limit_memory
 
 #: Names of inputs of surface shaders that hold their colour.
@@ -42,7 +42,8 @@ def pxr(module: str) -> Any:
 
 
 def extract(path: str, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What is said of the stage and its curves, or "meshes", and arrays by number and name.
+    """What is said of the stage and its curves, or "meshes", and arrays by number and name; of its
+    "kinds" only whether it has meshes.
 
     Points and transformations are taken at all times that the file has, of other values that change
     with time the first ones.
@@ -65,6 +66,9 @@ def extract(path: str, what: str = "curves") -> tuple[dict[str, Any], dict[str, 
         "left_out": {},
     }
     arrays: dict[str, np.ndarray] = {}
+    if what == "kinds":
+        said["has_meshes"] = any(True for _ in visible_meshes(stage, time))
+        return said, arrays
     if what == "meshes":
         extract_meshes(stage, time, said, arrays)
         return said, arrays
