@@ -18,6 +18,7 @@ import models_tables
 import near_far_tables
 import paper_size_tables
 import render_tables
+import scattering_tables
 import sharing_tables
 import stability_tables
 import where_it_pays_tables
@@ -25,7 +26,7 @@ from tables import filled
 
 DOCS = Path(__file__).parents[1] / "docs"
 DOCUMENTS = {
-    "model.md": model_tables.TABLES | near_far_tables.TABLES,
+    "model.md": model_tables.TABLES | near_far_tables.TABLES | scattering_tables.TABLES,
     "performance.md": intersect_tables.TABLES | render_tables.TABLES | check_tables.PERFORMANCE,
     "results.md": convergence_tables.TABLES
     | ladder_tables.TABLES

@@ -3,7 +3,7 @@
 #     bash bench/results.sh [KIND...] [--device D] [--quick]
 # Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
 #     intersect 3   stages 1   convergence 13   paper-size 12   features 3   start 1   stability 6   peers 6
-#     fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   simulated 12   docs 0
+#     paper-spp 25   fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   simulated 40   scattering 10   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
 # Real grooms, the .hair files of the folder GROOMS, are measured where it is there; out/grooms points
@@ -12,7 +12,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
 real_grooms=${GROOMS:-../shared/data/hair}
-all="intersect stages convergence paper-size features start stability peers fibre_truth medulla_tables overhead unbiased stragglers simulated docs"
+all="intersect stages convergence paper-size paper-spp features start stability peers fibre_truth medulla_tables overhead unbiased stragglers simulated scattering docs"
 device=portable quick= out=bench/results kinds=
 
 refuse() { echo "results.sh: $1" >&2 && exit 2; }
@@ -28,6 +28,12 @@ while [ $# -gt 0 ]; do
     shift
 done
 name=${device// /-} # of folders that differ by device
+
+# As the paper's comparison renders.
+conventional=()
+for setting in light_sampling=bcsdf sequence=independent roulette=depth allocation=even; do
+    conventional+=(--set "render.$setting")
+done
 
 pick() { if [ "$quick" ]; then echo "$2"; else echo "$1"; fi; }
 
@@ -67,9 +73,7 @@ stages() { # where the time of renders goes
 }
 
 convergence() { # error against time, with the settings of the paper's comparison
-    local paper small single fibre settings
-    settings="--set render.light_sampling=bcsdf --set render.sequence=independent --set render.roulette=depth"
-    settings+=" --set render.allocation=even"
+    local paper small single fibre settings="${conventional[*]}"
     paper=$(pick "--size 128x128 --spp 16,32,64,128 --reference-spp 1024" "--quick --size 8x8 --runs 2")
     small=$(pick "--size 48x48 --spp 16,32,64 --reference-spp 512" "--quick --size 8x8 --runs 2")
     single=$(pick "--size 24x24 --spp 16,32,64,128" "--quick --size 8x8 --runs 2")
@@ -93,6 +97,16 @@ paper-size() { # furcl at its best beside a conventional renderer, at the paper'
     timed paper-size "$bin/furcl" -q bench convergence black_hair white_hair raccoon "${variants[@]}" \
         $(pick "--size 256x256 --spp 16,64 --reference-spp 512" "--quick --size 8x8 --runs 2") \
         --device "$device" -o "$out/paper-size/$name"
+}
+
+paper-spp() { # the ends of the paper's tables 5-7, whose renders have 64 to 512 samples a pixel
+    local scene
+    for scene in black_hair white_hair raccoon; do
+        timed "paper-spp/$name-$scene" "$bin/furcl" -q bench convergence $scene \
+            --sampling uniform-h,attenuation-cdf "${conventional[@]}" \
+            $(pick "--size 256x256 --spp 64,512 --runs 3 --reference-spp 1024" "--quick --size 8x8 --runs 2") \
+            --device "$device" -o "$out/paper-spp/$name-$scene"
+    done
 }
 
 features() { # what leaving out buys
@@ -140,7 +154,13 @@ stragglers() { # how well machines share a render
 }
 
 simulated() { # simulated scattering beside brute force
-    script simulated_truth -o "$out" $(pick "" "--presets raccoon --theta 60 --photons 1000")
+    script simulated_truth -o "$out" $(pick "--photons 4000000" "--presets raccoon --theta 60 --photons 1000")
+}
+
+scattering() { # pictures with simulated scattering beside published ones, and what it costs
+    timed make_scattering "$bin/python" docs/make_scattering.py --device "$device" \
+        $(pick "" "--size 16 --spp 2 --out out")
+    script scattering_cost $(pick "" "raccoon --size 16x16 --spp 1 --rounds 1") -o "$out/scattering_cost.json"
 }
 
 docs() {

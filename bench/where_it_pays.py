@@ -5,8 +5,9 @@ python bench/where_it_pays.py [-o FOLDER] [--device D] [--quick] [--show]
 
 The hair of scenes/black_hair.toml with other numbers of strands, absorptions and lights, in front
 of nothing (the light behind it is not seen), with and without light samples. A run that was stopped
-goes on where it stopped; FOLDER/results.json is written after every cell. --show prints the cells
-of one that is there. `python bench/where_it_pays_tables.py` draws the figure.
+goes on where it stopped; FOLDER/results.json is written after every cell, and says of every run
+how many cells are its own. --show prints the cells of one that is there.
+`python bench/where_it_pays_tables.py` draws the figure.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import itertools
 import json
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -144,9 +145,16 @@ def compared(within: list[Array], means: list[Array]) -> dict[str, Any]:
     return found
 
 
-def measure_cell(cell: Cell, device: Device, groups: int, size: str, grooms: Grooms | None) -> Cell:
+def measure_cell(
+    cell: Cell,
+    device: Device,
+    groups: int,
+    size: str,
+    grooms: Grooms | None = None,
+    settings: Iterable[str] = (),
+) -> Cell:
     """A cell with what was measured in it, with and without light samples."""
-    base = load_scene(SCENE, overrides=_settings(cell), size=size)
+    base = load_scene(SCENE, overrides=[*of_cell(cell), *settings], size=size)
     grooms = grooms or base.build_grooms()
     lit = with_overrides(base, light_settings(cell, base, grooms))
     found: Cell = dict(cell)
@@ -154,8 +162,8 @@ def measure_cell(cell: Cell, device: Device, groups: int, size: str, grooms: Gro
         start = time.perf_counter()
         within, means, rays = [], [], []
         for sampler in SAMPLERS:
-            settings = [f"render.sampling={sampler}", f"render.light_sampling={light_sampling}"]
-            scene = prepared(lit, settings)
+            keys = [f"render.sampling={sampler}", f"render.light_sampling={light_sampling}"]
+            scene = prepared(lit, keys)
             of_groups, of_means, of_path = measured(scene, device, grooms, groups)
             within.append(of_groups)
             means.append(of_means)
@@ -170,7 +178,8 @@ def measure_cell(cell: Cell, device: Device, groups: int, size: str, grooms: Gro
     return found
 
 
-def _settings(cell: Cell) -> list[str]:
+def of_cell(cell: Cell) -> list[str]:
+    """Overrides that all samplers have."""
     return [
         *SETTINGS,
         f"curves.n_strands={cell['strands']}",
@@ -184,13 +193,15 @@ def run(out: Path, device: Device, *, quick: bool = False) -> dict[str, Any]:
     groups, size = (3, "8x8") if quick else (GROUPS, SIZE)
     numbers = {"size": size, "groups": groups, "samples": SAMPLES}
     rows: list[Cell] = []
+    earlier: list[dict[str, Any]] = []
     if path.is_file():
         before = json.loads(path.read_text())
         if {key: before.get(key) for key in numbers} != numbers:
             raise SystemExit(
                 f"{path}: of other sizes or samples; move it away, or choose another -o"
             )
-        rows = before["cells"]
+        rows, earlier = before["cells"], before["runs"]
+    own = {**circumstances(device), "measured": 0}
     wanted = [cell for cell in cells() if not quick or cell["strands"] <= STRANDS[1]]
     done = [{key: row[key] for key in wanted[0]} for row in rows]
     grooms: tuple[int, Grooms | None] = (0, None)
@@ -198,10 +209,11 @@ def run(out: Path, device: Device, *, quick: bool = False) -> dict[str, Any]:
         if cell in done:
             continue
         if grooms[0] != cell["strands"]:
-            scene = load_scene(SCENE, overrides=_settings(cell), size=size)
+            scene = load_scene(SCENE, overrides=of_cell(cell), size=size)
             grooms = (cell["strands"], scene.build_grooms())
         rows.append(measure_cell(cell, device, groups, size, grooms[1]))
-        results = {**circumstances(device), **numbers, "samplers": list(SAMPLERS), "cells": rows}
+        own["measured"] += 1
+        results = {"runs": [*earlier, own], **numbers, "samplers": list(SAMPLERS), "cells": rows}
         write_json(results, path)
         print(shown(rows[-1]), flush=True)
     return json.loads(path.read_text())

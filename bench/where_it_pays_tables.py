@@ -21,6 +21,7 @@ from where_it_pays import ABSORPTIONS, LIGHT_SAMPLING, Cell
 from furcl.report.convergence_plots import save
 
 RESULTS = "where_it_pays/results.json"
+CLOSE_RESULTS = "where_it_pays/close.json"
 PARTS_RESULTS = "variance/results.json"
 EVEN_RESULTS = "even_light/results.json"
 # Of the table of black hair: its absorption, and the suns shown.
@@ -154,6 +155,28 @@ def black(results: Results) -> str:
     return table(heads, lines)
 
 
+def close(results: Results) -> str:
+    """Ratios of paths and of whole pictures by the width of fibres, light and mode."""
+    cells = results["cells"]
+    modes = list(dict.fromkeys(cell["mode"] for cell in cells))
+    lines = []
+    for light, width in dict.fromkeys(
+        ((cell["light"], cell["angle_deg"]), cell["width_px"]) for cell in cells
+    ):
+        of_mode = {
+            cell["mode"]: cell
+            for cell in cells
+            if ((cell["light"], cell["angle_deg"]), cell["width_px"]) == (light, width)
+        }
+        for kind in LIGHT_SAMPLING:
+            line = [light_name(light), f"{width:g}", SAMPLED[kind]]
+            for measure in MEASURES:
+                line += [_shown(of_mode[mode], measure, kind) for mode in modes]
+            lines.append(line)
+    heads = [f"{mode}, {name}" for name in MEASURES.values() for mode in modes]
+    return table(["light", "width [px]", "", *heads], lines)
+
+
 def _shown(cell: Cell | None, measure: str, kind: str) -> str:
     """A ratio with its interval, bold where that is all on one side of 1."""
     if cell is None:
@@ -201,9 +224,11 @@ def _made(make: Callable[[Results], str], name: str = RESULTS) -> Callable[[], s
 
 
 TABLES = {
-    "pays-circumstances": _made(lambda results: circumstances(results)),
+    "pays-circumstances": _made(lambda results: circumstances(*results["runs"])),
     "pays-counts": _made(counts),
     "pays-black": _made(black),
+    "pays-close": _made(close, CLOSE_RESULTS),
+    "pays-close-circumstances": _made(lambda results: circumstances(results), CLOSE_RESULTS),
     "parts-circumstances": _made(lambda results: circumstances(results), PARTS_RESULTS),
     "parts": _made(parts, PARTS_RESULTS),
     "even-circumstances": _made(lambda results: circumstances(results), EVEN_RESULTS),
@@ -213,6 +238,7 @@ TABLES = {
 
 if __name__ == "__main__":
     found = load(RESULTS)
-    about = {"Description": f"{found['command']}, commit {found['git']}"}
+    commits = ", ".join(dict.fromkeys(run["git"] for run in found["runs"]))
+    about = {"Description": f"{found['runs'][0]['command']}, commits {commits}"}
     save(draw(found), FIGURE, dpi=130, metadata=about)
     print(f"wrote {FIGURE.relative_to(FOLDER.parents[1])}")

@@ -24,8 +24,15 @@ def files(root: Path) -> list[str]:
 
 
 def wrong_commit(root: Path, name: str) -> str | None:
-    """Why the commit that a file of results names is none to measure at; None if it is one."""
-    named = json.loads((root / name).read_text()).get("git")
+    """Why a commit that a file of results names is none to measure at; None if all are some."""
+    found = json.loads((root / name).read_text())
+    # A sweep that went on elsewhere names that of each of its runs.
+    runs = found.get("runs")
+    each = runs if isinstance(runs, list) else [found]
+    return next((why for run in each if (why := _wrong(root, run.get("git")))), None)
+
+
+def _wrong(root: Path, named: str | None) -> str | None:
     if named is None:
         return "names no commit"
     if not re.fullmatch(r"[0-9a-f]{12,40}", named):
