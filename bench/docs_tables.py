@@ -13,6 +13,7 @@ import convergence_tables
 import gpu_tables
 import intersect_tables
 import ladder_tables
+import model_samplers_tables
 import model_tables
 import models_tables
 import near_far_tables
@@ -30,6 +31,7 @@ DOCUMENTS = {
     "performance.md": intersect_tables.TABLES | render_tables.TABLES | check_tables.PERFORMANCE,
     "results.md": convergence_tables.TABLES
     | ladder_tables.TABLES
+    | model_samplers_tables.TABLES
     | paper_size_tables.TABLES
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
