@@ -22,6 +22,7 @@ import render_tables
 import scattering_tables
 import sharing_tables
 import stability_tables
+import view_tables
 import where_it_pays_tables
 from tables import filled
 
@@ -38,6 +39,7 @@ DOCUMENTS = {
     "models/index.md": models_tables.TABLES,
     "gpu.md": gpu_tables.TABLES,
     "sharing.md": sharing_tables.TABLES,
+    "view.md": view_tables.TABLES,
     "where_it_pays.md": where_it_pays_tables.TABLES,
 }
 

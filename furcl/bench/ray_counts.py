@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 from numpy.typing import NDArray
 
 from furcl.device import program
@@ -42,7 +41,7 @@ def count_rays(tracer: Tracer, rays: Rays) -> RayCounts:
     built = program.build(device, "tools/count_rays.cl", features, ray_defines(device))
     with tracer.memory.scratch() as scratch:
         counts = scratch.allocate("ray counts", 16 * rays.n)
-        cl.Kernel(built, "count_rays")(
+        program.kernel_of(built, "count_rays")(
             device.queue,
             *grid(rays.n),
             np.uint32(rays.n),

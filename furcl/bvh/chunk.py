@@ -101,7 +101,7 @@ class ChunkBuilder:
         )
         names = ("bound_segments", "summarise", "place_blocks", "fill_blocks")
         self._bound, self._summarise, self._place, self._fill = (
-            cl.Kernel(built, name) for name in names
+            program.kernel_of(built, name) for name in names
         )
 
     def plan(self, segments: NDArray[np.uint32]) -> Root:

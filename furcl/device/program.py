@@ -65,6 +65,22 @@ def build(
     return program
 
 
+def kernel_of(built: cl.Program, name: str) -> cl.Kernel:
+    """A kernel of a program by its name.
+
+    Raises
+    ------
+    KernelBuildError    the program has none: the runtime took another from its cache
+    """
+    try:
+        return cl.Kernel(built, name)
+    except cl.Error as error:
+        runtime = built.devices[0].platform.name
+        cache = cache_of(runtime)
+        advice = f"; {cache.advice}" if cache else ""
+        raise KernelBuildError(f"{runtime} has no kernel {name}: {error}{advice}") from error
+
+
 def forget_programs() -> None:
     """Let go of the programs, and the contexts, that this process keeps."""
     with _lock:

@@ -228,7 +228,8 @@ def _attenuation_bins(memory: Memory, features: Features, packed: np.ndarray) ->
     rows = np.stack([np.sin(theta), np.cos(theta)], 1).astype(np.float32)
     shape = (len(rows), features.fibre.n_lobes, layout.TABLE_BINS, 2)
     out = memory.allocate("bins", 4 * int(np.prod(shape)))
-    kernel = cl.Kernel(program.build(device, "prepare/tables.cl", features), "attenuation_bins")
+    built = program.build(device, "prepare/tables.cl", features)
+    kernel = program.kernel_of(built, "attenuation_bins")
     n_items = len(rows) * layout.TABLE_BINS
     material = index_checks.upload(memory, "material", packed, features.debug)
     checks = index_checks.IndexChecks(device.queue, features)
@@ -252,7 +253,7 @@ def _marginals(memory: Memory, features: Features, packed: np.ndarray) -> np.nda
     of_row = (layout.MARGINAL_PHIS, features.fibre.n_lobes)
     shape = (layout.TABLE_ROWS, layout.MARGINAL_PARTS, *of_row)
     out = memory.allocate("sums", 4 * int(np.prod(shape)))
-    kernel = cl.Kernel(
+    kernel = program.kernel_of(
         program.build(device, "prepare/marginals.cl", features), "marginal_densities"
     )
     whole = _packed(packed, np.zeros((layout.TABLE_ROWS, *of_row), np.float32))

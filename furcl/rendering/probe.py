@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pyopencl as cl
 from numpy.typing import ArrayLike
 
 from furcl.device import program
@@ -399,7 +398,7 @@ class Probe:
         return None if self.mode == "far" else np.stack([np.atleast_1d(offsets(h))] * 2, 1)
 
     def _run(self, name: str, n: int, *arguments, within: np.ndarray | None = None) -> None:
-        kernel = cl.Kernel(self._program, name)
+        kernel = program.kernel_of(self._program, name)
         last = []
         if within is not None:
             last = [Memory(self.device).upload("within", within.astype(np.float32))]

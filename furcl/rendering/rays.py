@@ -91,8 +91,8 @@ class Tracer:
             meshes=None if corners is None else MeshPart(normals=False),
         )
         built = program.build(device, "tools/trace_rays.cl", features, ray_defines(device))
-        self._closest = cl.Kernel(built, "trace_rays")
-        self._shadow = cl.Kernel(built, "trace_shadow_rays")
+        self._closest = program.kernel_of(built, "trace_rays")
+        self._shadow = program.kernel_of(built, "trace_shadow_rays")
 
     def closest(self, rays: Rays) -> cl.Event:
         """Start the search for nearest hits; `hits` reads them."""

@@ -242,7 +242,7 @@ class Wavefront:
         kernels = {}
         for fibre, stages, features in self._programs():
             built = program.build(self.memory.device, *self._source(stages, features))
-            of_stages = {stage: Stage(cl.Kernel(built, stage)) for stage in stages}
+            of_stages = {stage: Stage(program.kernel_of(built, stage)) for stage in stages}
             if fibre is None:
                 kernels |= of_stages
             else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pyopencl as cl
 from numpy.typing import NDArray
 
 from furcl.device import program
@@ -43,7 +42,7 @@ def lobe_densities(
     out = [memory.allocate(name, 4 * n) for name in ("longitudinal", "azimuthal")]
     file = "tools/double_cylinder_densities.cl"
     built = program.build(memory.device, file, material.features)
-    cl.Kernel(built, "double_cylinder_densities")(
+    program.kernel_of(built, "double_cylinder_densities")(
         memory.device.queue,
         *fibre_grid(memory.device, n),
         memory.upload("theta", theta),

@@ -12,7 +12,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import pyopencl as cl
 
 from furcl.device import program
 from furcl.device.choice import Device
@@ -236,7 +235,7 @@ class Walker:
         memory = Memory(device)
         sums = memory.allocate("sums", 4 * math.prod(shape))
         stats = memory.allocate("stats", 8 * shape[0] * shape[1])
-        cl.Kernel(self._program, name)(
+        program.kernel_of(self._program, name)(
             device.queue,
             (shape[0] * shape[1],),
             (1,) if device.is_cpu else (32,),

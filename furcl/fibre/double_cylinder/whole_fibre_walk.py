@@ -139,7 +139,7 @@ def _add(
     memory = Memory(device)
     sums = memory.allocate("sums", 4 * math.prod(tally.energy.shape))
     stats = memory.allocate("stats", 8 * ROWS * BATCHES)
-    cl.Kernel(built, "scattered_light")(
+    program.kernel_of(built, "scattered_light")(
         device.queue,
         (ROWS * BATCHES,),
         (1,) if device.is_cpu else (32,),
