@@ -11,6 +11,7 @@ from furcl.groom.curves import Curves
 from furcl.scene.read import decode_scene
 
 WORDS = "looks between them"
+FEW = "meet a fibre"  # how much of the picture strands take, not whether they are in it
 
 
 ORTHOGRAPHIC = {"projection": "orthographic", "height": 0.1}
@@ -55,7 +56,8 @@ def test_what_is_seen_is_never_warned_of(projection, rng):
     found = []
     for _ in range(300):
         curves = segments(rng.normal(0.0, 0.3, (3, 2, 3)))
-        found.append((is_seen(scene, curves), list(of_scene(scene, curves))))
+        lines = [line for line in of_scene(scene, curves) if FEW not in line]
+        found.append((is_seen(scene, curves), lines))
     seen = np.array([s for s, _ in found])
     said = np.array([bool(lines) for _, lines in found])
     assert 0.05 < seen.mean() < 0.95
