@@ -324,7 +324,7 @@ def test_build_error_without_a_place_names_the_runtimes_cache(
     _write_value(kernel_copy, "7")
     with pytest.raises(KernelBuildError, match="does not compile") as raised:
         program.build(pocl, "value.cl", Features())
-    advice = ".*remove " if device.platform.startswith(POCL) else ""
+    advice = "remove /built, or let POCL_CACHE_DIR name another folder"
     assert (advice in str(raised.value)) == cache_may_be_the_cause
 
 
