@@ -1,6 +1,6 @@
 """Damaged files by the thousand: every reader ends in its own error, and in little memory.
 
-`bash bench/faults.sh mutants` reads a million; FURCL_MUTANTS=0.1 the first tenth of them, 0.1:0.2
+`bash bench/faults.sh mutants` reads two million; FURCL_MUTANTS=0.1 the first tenth of them, 0.1:0.2
 the second. `python -m faults.mutants KIND FIRST END SEED FOLDER` reads numbers FIRST to END - 1 of
 a kind and prints how many were refused.
 """
