@@ -106,7 +106,8 @@ def density(fibre, wo, wi, h, profiles, sampling):
         return bcsdf.pdf(fibre, wo, wi, h, profiles, sampling=sampling)
     theta = np.arcsin(wo[0])
     lobes = bcsdf.attenuation(fibre, h, theta, profiles)
-    shares = {name: a.mean(-1) / sum(lobes.values()).mean(-1) for name, a in lobes.items()}
+    whole = np.sum([a.mean(-1) for a in lobes.values()], axis=0)
+    shares = {name: a.mean(-1) / whole for name, a in lobes.items()}
     return 0.5 * sum(
         share * bcsdf.direction_pdf(fibre, wo, wi, h, profiles, lobe=name, sampling="full-cdf")
         for name, share in shares.items()
