@@ -455,7 +455,7 @@ KINDS |= {
     kind: (partial(_groom, kind), suffix, partial(groom_seeds.read, kind), GroomError)
     for kind, (suffix, *_) in groom_seeds.SEEDS.items()
 }
-#: A million in all.
+#: Two million in all.
 FULL = {"hair": 100_000, "npz": 100_000, "exr": 20_000, "exr light": 10_000, "hdr": 80_000}
 FULL |= {"toml": 60_000, "compare": 10_000, "override": 30_000, "results": 40_000}
 FULL |= {"sampler": 40_000, "cache": 50_000, "mesh obj": 50_000, "mesh ply": 50_000}

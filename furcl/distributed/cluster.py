@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
+#: How often a scene may be lost with all workers that had it while no part comes back.
 LOSSES = 5
 
 

@@ -176,8 +176,7 @@ class Renderer:
                 f"or render with another seed"
             )
         self.first_sample = first_sample
-        self.scene = with_overrides(self.scene, seed=seed)
-        self.film.clear(self.device.queue)
+        self.empty_film(seed)
         if self.plan:
             self.plan.restart()
         self._forget_counts()
@@ -188,7 +187,8 @@ class Renderer:
     def empty_film(self, seed: int) -> None:
         """Take all samples out of the film; the next ones have another seed and are counted on, and
         what was learned stays. Without a plan."""
-        self.scene = with_overrides(self.scene, seed=seed)
+        if type(seed) is not int or seed != self.scene.render.seed:  # checks cost time
+            self.scene = with_overrides(self.scene, seed=seed)
         self.film.clear(self.device.queue)
 
     def look(self, camera: Camera) -> None:

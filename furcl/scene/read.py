@@ -103,11 +103,7 @@ def with_overrides(scene: Scene, overrides: Iterable[str] = (), **keywords: Any)
     ------
     SceneError      as `load_scene`
     """
-    # A renderer that starts again with its seed does so many times a second in the live view.
-    changes, seed = list(overrides), keywords.get("seed")
-    if not changes and type(seed) is int and seed == scene.render.seed:
-        keywords["seed"] = None
-    changes += keyword_overrides(keywords)
+    changes = [*overrides, *keyword_overrides(keywords)]
     if not changes:
         return scene
     document = apply_overrides(msgspec.to_builtins(scene), changes)

@@ -101,19 +101,19 @@ static inline Bounce scatter_at_fibre(
     bounce.from_segment = path_uint(paths, PS_HIT_SEGMENT, slot);
     bounce.weight = spectrum(0.0f);
     const uint lobe = path_uint(paths, PS_LOBE, slot);
-#if FURCL_LIGHT_LAYERS
-    bounce.first = 0u;
-#endif
 #if FURCL_LAYER_LOBES
-    if (lobe < FURCL_LOBES) bounce.first = layer_of_lobe(lobe);
+    bounce.first = lobe < FURCL_LOBES ? layer_of_lobe(lobe) : 0u;
+#elif FURCL_LIGHT_LAYERS
+    bounce.first = 0u;
 #endif
     if (lobe >= FURCL_LOBES) return bounce;
     const BcsdfAtOffset b = bcsdf_of_lobe(lobe, fibre, in, path_float(paths, PS_OFFSET_H, slot));
     const float3 d = lobe_sample_direction(lobe, fibre, &b, xi);
     bounce.direction = unit_vector(frame_direction(frame, d.x, d.y, d.z));
-    bounce.weight = lobe_value_over_pdf(lobe, fibre, &b, d.x, d.y, d.z) * (1.0f / path_float(paths, PS_JOINT, slot));
 #if FURCL_ALL_LOBES
     bounce.weight = all_lobes_value_over_pdf(fibre, in, b.h, d);
+#else
+    bounce.weight = lobe_value_over_pdf(lobe, fibre, &b, d.x, d.y, d.z) * (1.0f / path_float(paths, PS_JOINT, slot));
 #endif
 #if FURCL_LIGHT_SAMPLING && FURCL_MODE != FURCL_MODE_FAR
     bounce.pdf = direction_density_within(fibre, in, within, b.h, d);

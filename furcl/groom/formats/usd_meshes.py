@@ -74,9 +74,9 @@ def _mesh(prim, time, matrix, number, arrays, UsdGeom) -> dict[str, Any]:
         "holes": mesh.GetHoleIndicesAttr(),
     }
     for name, attribute in numbers.items():
-        keep(name, attribute.Get(time), np.int64)
+        value = attribute.Get(time)
         # A stage may say another type than the schema's: one number, or several in a row.
-        arrays[f"{number}/{name}"] = arrays[f"{number}/{name}"].reshape(-1)
+        keep(name, None if value is None else np.reshape(value, -1), np.int64)
     for name in _PLACES:
         primvar = primvars.GetPrimvar(name)
         value = primvar.ComputeFlattened(time) if primvar and primvar.HasValue() else None
