@@ -39,7 +39,7 @@ pick() { if [ "$quick" ]; then echo "$2"; else echo "$1"; fi; }
 step() { # NAME SECONDS COMMAND...: run it for at most so long; its output goes to NAME.log
     local name=$1 limit=$2 start=$SECONDS code
     shift 2
-    timeout --kill-after=5 "$limit" "$@" >"$out/$name.log" 2>&1
+    timeout --signal=INT --kill-after=20 "$limit" "$@" >"$out/$name.log" 2>&1 # pytest then says what failed
     code=$?
     echo "$name: $((SECONDS - start)) s, exit $code" | tee -a "$out/steps.txt"
     tail -n "$(pick 15 5)" "$out/$name.log"
@@ -146,7 +146,7 @@ export device
 for kind in ${steps:-$all}; do
     case $kind in
         doctor) step doctor 90 bash -c "set -e; doctor" || refuse "this device renders nothing" ;;
-        suite) step suite "$(pick 240 200)" bash -c suite ;;
+        suite) step suite "$(pick 300 200)" bash -c suite ;;
         *) "$kind" ;;
     esac
 done
