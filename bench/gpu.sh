@@ -93,6 +93,7 @@ suite() {
     local workers=
     if "$bin/python" -c 'import xdist' 2>/dev/null; then workers="-n $(pick 12 2) --dist loadfile"; fi
     "$bin/python" -m pytest -q -m "not slow" --device "$device" -p no:cacheprovider $workers \
+        --continue-on-collection-errors --durations=15 \
         $(pick "" "tests/test_intersect.py")
 }
 
