@@ -1,6 +1,7 @@
 """Renders that several devices or machines share: the same bits, nothing lost with one of them."""
 
 import os
+import re
 import signal
 import threading
 import time
@@ -13,7 +14,8 @@ import pytest
 from scene_documents import fur_patch
 
 import furcl
-from furcl.device.choice import Device, open_cl_device, open_devices
+from furcl.device.choice import Candidate, Device, list_candidates, open_cl_device
+from furcl.device.several import names_several, open_devices, split_names
 from furcl.distributed import devices, parts
 from furcl.distributed.devices import render_on
 from furcl.errors import DeviceError, SceneError
@@ -189,9 +191,49 @@ def test_several_devices_by_name(device):
             open_devices(nothing)
 
 
-def _index_of(device: Device) -> int:
-    from furcl.device.choice import list_candidates
+H200 = "NVIDIA H200 (NVIDIA CUDA, driver 580.159.04)"
+EPYC = "AMD EPYC (Intel(R) OpenCL, driver 2026.22.10.0.01)"
 
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (H200, [H200]),
+        (f"{H200},{EPYC}", [H200, EPYC]),
+        (f"h200, {EPYC}, 1", ["h200", EPYC, "1"]),
+        ("CUDA, driver 580", ["CUDA, driver 580"]),
+        ("H200,epyc", ["H200", "epyc"]),
+        ("0,1", ["0", "1"]),
+        ("0:0, 1:0", ["0:0", "1:0"]),
+        ("H200,", ["H200", ""]),
+        (",,", ["", "", ""]),
+    ],
+)
+def test_commas_of_a_description_divide_no_names(text, names):
+    there = []
+    for index, description in enumerate((H200, EPYC)):
+        found = re.fullmatch(r"(.*?) \((.*), driver (.*)\)", description)
+        assert found
+        name, runtime, driver = found.groups()
+        there.append(
+            Candidate(
+                index=index, address=f"{index}:0", name=name, runtime=runtime,
+                runtime_version="", driver_version=driver, kind="CPU", compute_units=2,
+                memory_bytes=2**30,
+            )
+        )  # fmt: skip
+    assert split_names(text, there) == names
+
+
+def test_a_whole_description_is_one_device(device):
+    chosen = list_candidates()[int(_index_of(device))]
+    assert "," in chosen.description
+    assert not names_several(chosen.description)
+    assert names_several(f"{chosen.description}, {chosen.description}")
+    assert [d.name for d in open_devices(chosen.description)] == [device.name]
+
+
+def _index_of(device: Device) -> int:
     return next(c.index for c in list_candidates() if c.name == device.name)
 
 

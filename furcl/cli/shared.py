@@ -32,7 +32,9 @@ class Shared:
     @staticmethod
     def of(device: str | None, dask: str | None, part_spp: int | None) -> Shared | None:
         """Those of the options; None where one device renders."""
-        several = device is not None and (device == "all" or "," in device)
+        from furcl.device.several import names_several
+
+        several = device is not None and names_several(device)
         if dask is None and not several:
             if part_spp is not None:
                 raise typer.BadParameter("--part-spp is of renders that several devices share")

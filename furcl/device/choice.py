@@ -263,37 +263,3 @@ def open_device(spec: str | None = None) -> Device:
     why = f"{asked_by} {wanted!r}" if wanted else f"rule: {RULE}"
     log.info("device %d: %s; %s", chosen.index, chosen.description, why)
     return open_candidate(chosen)
-
-
-def open_devices(specs: str | Sequence[str | Device]) -> list[Device]:
-    """Open several devices.
-
-    Parameters
-    ----------
-    specs : text or list    "all", those that pass the self-test, in the order of RULE; or names as
-                            `open_device` takes them, with commas between or in a list; a list may
-                            hold opened devices too
-
-    Raises
-    ------
-    NoDeviceError, DeviceError      as `open_device`; a device that is named twice; none named
-    """
-    if specs == "all":
-        passed = [c for c in list_candidates() if c.verdict().passed]
-        if not passed:
-            return [open_device("")]
-        log.info(
-            "devices: %s", "; ".join(c.description for c in sorted(passed, key=Candidate.rank))
-        )
-        return [open_candidate(c) for c in sorted(passed, key=Candidate.rank)]
-    wanted = [s.strip() for s in specs.split(",")] if isinstance(specs, str) else list(specs)
-    if not wanted or "" in wanted:
-        raise DeviceError(
-            f'devices = {shown(specs)}: expected "all", or numbers of `furcl devices`, P:D or '
-            f"parts of names, with commas between"
-        )
-    opened = [one if isinstance(one, Device) else open_device(one) for one in wanted]
-    addresses = [device.cl_device.int_ptr for device in opened if device not in wanted]
-    if len(set(addresses)) < len(addresses):
-        raise DeviceError(f"devices = {shown(specs)}: names one device twice; name each once")
-    return opened

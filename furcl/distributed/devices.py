@@ -9,7 +9,8 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
-from furcl.device.choice import Device, open_devices
+from furcl.device.choice import Device
+from furcl.device.several import open_devices
 from furcl.distributed.parts import Merging, Part, parts_of, render_part
 from furcl.errors import DeviceError
 from furcl.groom.joined import Grooms
