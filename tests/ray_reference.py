@@ -40,6 +40,16 @@ def random_walks(rng, n, k, step, radius, taper=0.0, turn=0.5):
     return strands(np.stack(points, axis=1), radius, taper)
 
 
+def nested(rng, orders, per_size=30, ratio=1.05):
+    """Strands around the origin whose sizes and distances fill `orders` orders of magnitude."""
+    n_sizes = int(orders * np.log(10.0) / np.log(ratio))
+    size = np.repeat(10.0 ** (-orders / 2) * ratio ** np.arange(n_sizes), per_size)[:, None]
+    middle, way = size * unit(rng.standard_normal((2, len(size), 3)))
+    points = np.stack([middle - 0.1 * way, middle + 0.1 * way], axis=1).astype(np.float32)
+    radii = np.repeat(1e-2 * size, 2).astype(np.float32)
+    return Curves.from_arrays(points.reshape(-1, 3), radii, 2 * np.arange(len(size) + 1))
+
+
 def rays_at(rng, curves, n):
     """Rays from around the groom at random places in it: origins and directions (n, 3) float32."""
     lo, hi = curves.bounds()

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ray_reference import random_walks, strands
+from ray_reference import nested, random_walks, strands
 
 from furcl.bvh import embree, needles, trees
 from furcl.bvh.build import build_bvh
@@ -100,6 +100,19 @@ def test_holds_every_segment_once_and_inside_its_bounds(device, name, chunk_segm
     check_bvh(bvh.read(), curves)
     assert bvh.n_segments == curves.n_segments
     assert bvh.stack_size <= BVH_STACK_SIZE
+
+
+@pytest.mark.parametrize(
+    ("per_size", "ratio"), [(1, 1.05), (3, 1.05), (30, 1.05), (10, 2.0), (30, 2.0)]
+)
+def test_six_orders_of_magnitude_fit_the_stack(device, per_size, ratio, rng):
+    bvh = build_bvh(Memory(device), nested(rng, 6, per_size, ratio))
+    assert bvh.stack_size <= BVH_STACK_SIZE
+
+
+def test_a_tree_too_deep_for_the_stack_is_refused(device, rng):
+    with pytest.raises(BvhError, match=r"needs a stack of \d+ blocks, .*extremely uneven"):
+        build_bvh(Memory(device), nested(rng, 30))
 
 
 def test_one_radius_is_stored_once(device, rng):
@@ -257,7 +270,7 @@ def test_wrong_copies_are_found(device, rng):
     bvh = build_bvh(Memory(device), curves).read()
     for changed in (
         replace(bvh, stack_size=0),
-        replace(bvh, stack_size=BVH_STACK_SIZE + 1),
+        replace(bvh, stack_size=bvh.stack_size + 1),
         replace(bvh, vertices=bvh.vertices + np.float32(1e-3)),
         replace(bvh, offsets=bvh.offsets + np.uint32(1)),
         replace(bvh, blocks=bvh.blocks[:, :-1]),

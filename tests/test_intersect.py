@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from ray_reference import brute_force, random_directions, random_walks, rays_at, strands, unit
+from ray_reference import (
+    brute_force,
+    nested,
+    random_directions,
+    random_walks,
+    rays_at,
+    strands,
+    unit,
+)
 
 from furcl.device import launch
 from furcl.device.layout import NO_SEGMENT
@@ -125,6 +133,24 @@ def test_rays_from_far_away(device, distance, rng):
     directions = unit(target - origins).astype(np.float32)
     rays = origins, directions
     assert agreeing_hits(device, curves, rays, 1e-3, 0.9, 2e-6 * distance) > 0.2
+
+
+@pytest.mark.parametrize("shares", [(128, 32, 1), (1, 1, 64)], ids=["lanes", "blocks"])
+@pytest.mark.parametrize("per_size", [1, 30])
+def test_deep_trees(device, shares, per_size, rng, monkeypatch):
+    """Rays from beside a fibre, of which others are thousands of times smaller and larger, with a
+    stack of lanes or of blocks."""
+    monkeypatch.setattr(launch, "_RAYS_CPU", shares)
+    monkeypatch.setattr(launch, "_RAYS_GPU", shares)
+    curves = nested(rng, 6, per_size)
+    middle = curves.points.reshape(-1, 2, 3).mean(axis=1)[rng.integers(0, curves.n_segments, 4000)]
+    size = np.linalg.norm(middle, axis=1)[:, None]
+    origins = middle + size * rng.uniform(0.1, 3.0, (4000, 1)) * random_directions(rng, 4000)
+    target = middle + 0.02 * size * random_directions(rng, 4000)
+    rays = origins.astype(np.float32), unit(target - origins).astype(np.float32)
+    found, reference = trace(device, curves, *rays), brute_force(curves, *rays)
+    check_hits(found, reference)
+    assert np.array_equal(occluded(device, curves, *rays), found[1] != NO_SEGMENT)
 
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])

@@ -35,7 +35,7 @@ class BvhArrays:
     blocks : (b, 32) uint32             see kernels/include/bvh/block.clh
     vertices : (n_points, 4) float32    x, y, z, radius; of a groom that moves (n_points, T, 4)
     offsets : (S + 1,) uint32           strand s owns vertices offsets[s] .. offsets[s + 1] - 1
-    stack_size : int                    stack entries that a traversal can need
+    stack_size : int                    blocks that wait on the stack in a traversal, at most
     """
 
     blocks: NDArray[np.uint32]
@@ -58,7 +58,7 @@ class Bvh:
     corners : cl.Buffer or None     of triangles, see kernels/include/geometry/triangle.clh
     n_blocks, n_points, n_strands, n_segments, n_triangles : int
     motion : int            pieces of time that the groom moves in, each with a tree; 0: it does not
-    stack_size : int        stack entries that a traversal can need
+    stack_size : int        blocks that wait on the stack in a traversal, at most
     build_seconds : float   time that the build took, upload of the groom included [s]
     """
 
@@ -160,7 +160,7 @@ def build_bvh(
     if stack_size > BVH_STACK_SIZE:
         raise BvhError(
             f"the tree of {curves.n_segments} segments and {builder.n_triangles} triangles needs a "
-            f"stack of {stack_size} entries, kernels have {BVH_STACK_SIZE}; one of the two is "
+            f"stack of {stack_size} blocks, kernels have {BVH_STACK_SIZE}; one of the two is "
             f"extremely uneven: split the groom, or remesh"
         )
     return Bvh(

@@ -168,13 +168,13 @@ def top_blocks(
     lanes : list                        what top_lanes returns for n chunks
     boxes : (n, 2, 3) float64           corners of the chunks
     first_blocks : (n,)                 the root of each chunk
-    stack_sizes : (n,)                  stack entries that a traversal of each can need
+    stack_sizes : (n,)                  blocks that wait on the stack in a traversal of each
     first : int                         number of the first of them
 
     Returns
     -------
     blocks : (len(lanes), 32) uint32    see kernels/include/bvh/block.clh
-    stack_size : int                    stack entries that a traversal of the whole tree can need
+    stack_size : int                    blocks that wait on it in one of the whole tree
     """
     place = {(block[0][0], block[-1][1]): i for i, block in enumerate(lanes)}
     blocks = np.zeros((len(lanes), BLOCK_WORDS), np.uint32)
@@ -189,7 +189,7 @@ def top_blocks(
             single = b - a == 1
             blocks[i, BLOCK_REFERENCES + lane] = first_blocks[a] if single else first + place[a, b]
             below.append(stack_sizes[a] if single else stacks[place[a, b]])
-        stacks[i] = len(children) - 1 + max(below)
+        stacks[i] = (len(children) > 1) + max(below)
     return blocks, int(stacks[0])
 
 

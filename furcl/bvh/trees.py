@@ -70,7 +70,7 @@ class TreeBuilder:
 
         Returns
         -------
-        int     stack entries that a traversal can need
+        int     blocks that wait on the stack in a traversal, at most
 
         Raises
         ------

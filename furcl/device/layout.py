@@ -73,7 +73,9 @@ STATE_BLOCK = 16
 
 # The tree over fibre segments: lanes and words of its blocks (kernels/include/bvh/block.clh).
 BVH_WIDTH = 8
-BVH_STACK_SIZE = 128
+# Blocks of which lanes wait on a ray's stack. Real grooms need 7 to 9, and those whose sizes and
+# distances fill six orders of magnitude up to 19 (tests/test_bvh.py).
+BVH_STACK_SIZE = 19
 BLOCK_ORIGIN, BLOCK_UNIT, BLOCK_STEP, BLOCK_ROWS = 0, 3, 4, 8
 BLOCK_LANES, BLOCK_REFERENCES, BLOCK_WORDS = 22, 24, 32
 BLOCK_BOXES = 0x10000

@@ -14,7 +14,6 @@ from furcl.device.layout import (
     BLOCK_STEP,
     BLOCK_UNIT,
     BLOCK_WORDS,
-    BVH_STACK_SIZE,
     BVH_WIDTH,
     ROW_RADIUS,
     block_bytes,
@@ -141,16 +140,13 @@ def _distance(p, a, b):
 
 
 def _check_stack(bvh: BvhArrays, n_subtrees, parent) -> None:
-    """The stack holds what all siblings on the way to any block leave on it."""
-    waiting = np.maximum(n_subtrees - 1, 0)
-    total = waiting.copy()
+    """The stack holds the blocks of which lanes wait on the way to any block."""
+    waits = (n_subtrees > 1).astype(np.int64)
+    total = waits.copy()
     block = np.arange(len(parent))
     while block.any():
-        total += np.where(block > 0, waiting[parent[block]], 0)
+        total += np.where(block > 0, waits[parent[block]], 0)
         block = parent[block]
     needed = int(total.max())
-    if needed > bvh.stack_size or bvh.stack_size > BVH_STACK_SIZE:
-        raise BvhError(
-            f"a traversal needs {needed} stack entries, the tree says {bvh.stack_size}, kernels "
-            f"have {BVH_STACK_SIZE}"
-        )
+    if needed != bvh.stack_size:
+        raise BvhError(f"a traversal needs {needed} stack entries, the tree says {bvh.stack_size}")

@@ -44,7 +44,7 @@ __kernel void bound_segments(const uint n, __global const uint* segments,
     boxes[2 * i + 1] = (float4)(box.upper, as_float(v));
 }
 
-/* Box, cheapest cut into lanes, number of blocks and stack entries of every node.
+/* Box, cheapest cut into lanes, number of blocks and those that wait on the stack, of every node.
 
    reads    nodes, leaves, vertices; summaries, costs, choices of the nodes below; inverse_size: one over
             the size of the groom, which keeps surfaces within float32
@@ -96,7 +96,7 @@ __kernel void summarise(
         n_blocks += as_uint(below.lower.w);
         stack = max(stack, as_uint(below.upper.w));
     }
-    if (lanes.n > lanes.n_leaves) stack += lanes.n - lanes.n_leaves - 1;
+    stack += lanes.n > lanes.n_leaves + 1;
     summaries[node].lower = (float4)(lower, as_float(n_blocks));
     summaries[node].upper = (float4)(upper, as_float(stack));
 }
