@@ -5,12 +5,12 @@
 # OUT: gets one log and one results file a step, and steps.txt: each step, its seconds, its exit code.
 # D: part of the device's description (default: the first GPU, else the first device). P: a Python
 # 3.11 to 3.13 (default python3); what is installed beside it is found too.
-# Steps, all or those named, in their order: doctor stages intersect convergence suite waves features.
+# Steps, all or those named, in their order: doctor stages intersect convergence suite waves features peers.
 # If doctor fails nothing else is tried; other steps that fail or take too long stop no other. GROOMS: a
-# folder of .hair files to measure too.
+# folder of .hair files to measure too. PEERS: a folder with the packages of Mitsuba, to measure beside.
 set -uo pipefail
 cd "$(dirname "$0")/.."
-all="doctor stages intersect convergence suite waves features"
+all="doctor stages intersect convergence suite waves features peers"
 python=python3 device= quick= steps=
 
 refuse() { echo "gpu.sh: $1" >&2 && exit 2; }
@@ -129,6 +129,14 @@ convergence() {
     mapfile -t variants < <("$bin/python" bench/ladder.py ends)
     bench paper-size 120 convergence black_hair white_hair raccoon "${variants[@]}" \
         $(pick "--size 256x256 --spp 16,64,256 --reference-spp 4096" "--quick --size 8x8 --runs 2")
+}
+
+peers() {
+    [ -n "${PEERS:-}" ] || { echo "peers: no folder PEERS" && return; }
+    step peers 100 "$bin/python" bench/peers.py -o "$work/peers" --peers "$PEERS" --device "$device" \
+        --renderers "furcl,$(pick mitsuba-cuda mitsuba-scalar)" --pictures "$out/peers" \
+        $(pick "--size 512 --spp 64 --rounds 5" "--size 16 --spp 2 --rounds 2 --strands 100")
+    if [ -e "$work/peers/results.json" ]; then cp "$work/peers/results.json" "$out/peers.json"; fi
 }
 
 export -f doctor suite pick

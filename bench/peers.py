@@ -5,7 +5,8 @@ python bench/peers.py -o bench/results/peers/portable [--peers out/peers] [--dev
 `bash bench/install_peers.sh out/peers` installs the others into a folder of their own. The scene:
 the grooms of bench/peer_grooms.py, a scalp as a mesh, even light and a square lamp, the fibre of
 Chiang et al. 2016; once with the same settings (16 bounces, no roulette, independent numbers,
-light samples at every vertex), once with those that each renderer has by itself.
+light samples at every vertex), once with those that each renderer has by itself. mitsuba-cuda needs an
+NVIDIA GPU with OptiX, and is there by name only.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ RENDERERS: dict[str, tuple[str, dict[str, str]]] = {
     "furcl": ("peer_furcl.py", {}),
     "mitsuba-llvm": ("peer_mitsuba.py", {"variant": "llvm_ad_rgb", "shape": "bsplinecurve"}),
     "mitsuba-linear": ("peer_mitsuba.py", {"variant": "llvm_ad_rgb", "shape": "linearcurve"}),
+    "mitsuba-cuda": ("peer_mitsuba.py", {"variant": "cuda_ad_rgb", "shape": "bsplinecurve"}),
     "mitsuba-scalar": ("peer_mitsuba.py", {"variant": "scalar_rgb", "shape": "bsplinecurve"}),
     "cycles": ("peer_cycles.py", {}),
 }
@@ -251,7 +253,9 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--peers", type=Path, default=Path("out/peers"))
     parser.add_argument("--device")
-    parser.add_argument("--renderers", default=",".join(RENDERERS))
+    parser.add_argument(
+        "--renderers", default=",".join(name for name in RENDERERS if name != "mitsuba-cuda")
+    )
     parser.add_argument("--size", type=int, default=SIZE)
     parser.add_argument("--spp", type=int, default=32)
     parser.add_argument("--rounds", type=int, default=6)
