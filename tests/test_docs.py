@@ -219,7 +219,8 @@ def test_a_path_is_short(device):
     """Near pbrt-v4's wavefront, whose utilities are not counted either: 19 files, 3,450 lines. It
     was 25 and 3,472 before several lights and materials; 27 and 3,798 with them, 28 and 3,900 with
     closed models, shared renders and the lines that leave near fields out; motion blur is 103, and
-    78 are what published and simulated scattering have in common."""
+    78 are what published and simulated scattering have in common, and 50 the stack of GPUs, in a
+    file with that of CPUs."""
     found = count_path.count(device=device)
-    assert len(found.path) <= 28
-    assert sum(found.path.values()) <= 4110
+    assert len(found.path) <= 29
+    assert sum(found.path.values()) <= 4160
