@@ -166,3 +166,21 @@ def test_a_mesh_far_beside_the_groom_is_told(tmp_path, height, said):
     )
     told = list(warnings.of_scene(scene, scene.build_curves(), scene.build_meshes()))
     assert any("beside each other" in text for text in told) == said
+
+
+@pytest.mark.parametrize(
+    ("curves", "camera", "part"),
+    [
+        ({"radius": 0.02}, {}, None),
+        ({"radius": 0.6}, {}, "are radii in other units"),
+        ({}, {"aperture_radius": 0.5}, None),
+        ({}, {"aperture_radius": 3000.0}, "reduce aperture_radius"),
+    ],
+    ids=["thick", "other units", "a lens", "a lens in other units"],
+)
+def test_what_hides_a_groom_is_told(curves, camera, part):
+    fur = {"generator": "fur", "n_strands": 300, "length": 0.3, "radius": 1e-3}
+    scene = decode_scene(minimal(curves={**fur, **curves}, camera=camera))
+    told = list(warnings.of_scene(scene, scene.build_curves()))
+    assert len(told) == (part is not None)
+    assert all(part in text for text in told)

@@ -17,11 +17,13 @@ from furcl.surface.model import Surface
 Array = NDArray[np.float64]
 
 POINTS = 100_000  # as many points of a groom are looked at
+STRANDS = 1000  # and as many of its strands
 FAR_SIZES = 1e5  # there float32 places points within a hundredth of the groom's size
 SMALL_PX = 2.0
 # Of the groom's size.
 FAR_BESIDE = 0.25
 THIN_PX = 1e-3
+WIDE_LENS = 10.0
 FEW_HITS = 10
 FEW_SEGMENTS = 100_000  # of more, thin ones are told by their thickness
 LONG_SPP = 1e11  # samples of all pixels: hours on any machine
@@ -38,6 +40,7 @@ def of_scene(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> Iter
     camera = scene.resolved_camera(curves, meshes)
     lower, upper = (bound.astype(np.float64) for bound in curves.bounds())
     yield from _of_places(lower, upper, points)
+    yield from _of_thickness(curves)
     yield from _of_view(scene, camera, points, curves)
     if scene.body is not None:
         yield from _of_body(scene.body, camera, points)
@@ -70,22 +73,45 @@ def _of_places(lower: Array, upper: Array, points: Array) -> Iterator[str]:
         )
 
 
+def _of_thickness(curves: Curves) -> Iterator[str]:
+    """Whether most strands are thicker than long, as where radii are in other units."""
+    strands = np.arange(curves.n_strands)[:: -(-curves.n_strands // STRANDS)]
+    ends = curves.offsets.astype(np.int64)
+    lengths = [
+        np.linalg.norm(np.diff(curves.points[a:b].astype(np.float64), axis=0), axis=1).sum()
+        for a, b in zip(ends[strands], ends[strands + 1], strict=True)
+    ]
+    thick, length = 2.0 * float(np.median(curves.radii)), float(np.median(lengths))
+    if thick > 0.5 * length:
+        yield (
+            f"fibres are {thick:.3g} thick and {length:.3g} long, so that a camera or a ray may "
+            f"begin inside of them; are radii in other units? Give radius_scale"
+        )
+
+
 def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Iterator[str]:
     x, y, depth = camera.on_film(points, scene.film.aspect)
     in_front = depth > 0.0
     if not in_front.any():
         yield "the groom is behind the camera; turn the camera, or leave origin and target out"
         return
+    size = float(np.ptp(points, axis=0).max())
+    if camera.aperture_radius > WIDE_LENS * size:
+        yield (
+            f"the lens is {camera.aperture_radius / size:.1g} times as large as the groom: from "
+            f"nearly all of it rays pass the groom; reduce aperture_radius"
+        )
     x, y, z = x[in_front], y[in_front], depth[in_front]
     if not ((np.abs(x) < 1.0) & (np.abs(y) < 1.0)).any():
         if x.min() > 1.0 or x.max() < -1.0 or y.min() > 1.0 or y.max() < -1.0:
             yield "the groom is outside the picture; turn the camera, or leave origin out"
-        elif not _in_picture(scene, camera, curves):
+            return
+        if not _in_picture(scene, camera, curves):
             yield (
                 "no strand is in the picture, which looks between them; turn the camera, give a "
                 "wider vfov_deg, or leave origin and target out"
             )
-        return
+            return
     height_px = 0.5 * scene.film.height
     extent = max(float(np.ptp(x)) * scene.film.aspect, float(np.ptp(y))) * height_px
     if extent < SMALL_PX:
@@ -97,7 +123,7 @@ def _of_view(scene: Scene, camera: Camera, points: Array, curves: Curves) -> Ite
             f"fibres are {2.0 * radius_px:.1g} pixels thick: samples hardly meet them, so the "
             f"picture is black or noisy; give radius_scale or move the camera closer"
         )
-    elif curves.n_segments <= FEW_SEGMENTS:
+    elif curves.n_segments <= FEW_SEGMENTS and radius_px < scene.film.height:
         hits = _likely_hits(scene, camera, curves)
         if hits < FEW_HITS:
             yield (
