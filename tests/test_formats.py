@@ -1,5 +1,6 @@
 """All groom formats: their page, and what each keeps on the way out and in again."""
 
+import importlib.util
 import subprocess
 import sys
 
@@ -16,8 +17,13 @@ from furcl.groom.formats import FORMATS, load_curves, save_curves, suffixes
 from furcl.groom.orient import scaled, z_up
 from furcl.groom.units import Units
 
+USD = pytest.mark.skipif(not importlib.util.find_spec("pxr"), reason="usd-core is an extra")
 # One of USD's, whose reading takes a process: tests/test_usd.py has the others.
-WRITTEN = [s for s in suffixes(written=True) if s not in (".usd", ".usda")]
+WRITTEN = [
+    pytest.param(suffix, marks=[USD] * (suffix == ".usdc"))
+    for suffix in suffixes(written=True)
+    if suffix not in (".usd", ".usda")
+]
 
 
 def test_the_page_is_current():
