@@ -32,7 +32,7 @@ def split_names(specs: str, candidates: Sequence[Candidate]) -> list[str]:
 
     Returns
     -------
-    list of str     an empty one where nothing is between two commas
+    list of str     "" for each place where nothing is between commas
     """
     parts, names = [part.strip() for part in specs.split(",")], []
     if all(re.fullmatch(r"\d+(:\d+)?", part) for part in parts):

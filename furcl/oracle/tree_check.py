@@ -149,4 +149,4 @@ def _check_stack(bvh: BvhArrays, n_subtrees, parent) -> None:
         block = parent[block]
     needed = int(total.max())
     if needed != bvh.stack_size:
-        raise BvhError(f"a traversal needs {needed} stack entries, the tree says {bvh.stack_size}")
+        raise BvhError(f"{needed} blocks wait on a stack, the tree says {bvh.stack_size}")
