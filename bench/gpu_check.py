@@ -34,7 +34,7 @@ GPU: Any = SimpleNamespace(is_cpu=False)
 SPILLS = 0
 #: Bytes of a work-item's private memory in a kernel that sends rays through the tree.
 TRAVERSAL_STACK = 512
-#: Registers of NVIDIA's in `shade` without light samples.
+#: Registers of NVIDIA's in `shade` where it evaluates no fibre.
 SHADE_REGISTERS = 96
 
 Rows = list[dict[str, Any]]
@@ -47,24 +47,26 @@ def rows_of_matrix(pairs: bool) -> list[Row]:
 
 
 def programs(rows: Sequence[Row]) -> Iterator[tuple[int, bool, list[str], str]]:
-    """Variant, whether it samples the light, kernels and text of all that a GPU compiles."""
+    """Variant, whether it evaluates fibres (for light samples, or as `all-lobes` weighs), kernels
+    and text of all that a GPU compiles."""
     seen = set()
     for number, row in enumerate(rows):
         features = features_of(row)
         files = stage_files(features)
+        evaluates = features.light_sampling or row["sampler"] == "all-lobes"
         for stages in stage_programs(features):
             names = list(dict.fromkeys(files[stage] for stage in stages))
             text = kernel_text(names, features, stage_defines(stages[0], GPU))
             if text not in seen:
                 seen.add(text)
-                yield number, features.light_sampling, stages, text
+                yield number, evaluates, stages, text
 
 
 def check(tools: Tools, rows: Sequence[Row], folder: Path, jobs: int) -> Rows:
     """What each kernel needs at most over all variants: see `most`."""
 
     def uses(numbered: tuple[int, tuple[int, bool, list[str], str]]) -> Rows:
-        i, (variant, sampled, stages, text) = numbered
+        i, (variant, evaluates, stages, text) = numbered
         file = folder / f"{i}.cl"
         file.write_text(text)
         found = tools.uses(file)
@@ -74,7 +76,7 @@ def check(tools: Tools, rows: Sequence[Row], folder: Path, jobs: int) -> Rows:
         for made in folder.glob(f"{i}.*"):
             made.unlink()
         return [
-            {"kernel": k, "light_sampling": sampled, "target": t, "variant": variant, **asdict(use)}
+            {"kernel": k, "evaluates": evaluates, "target": t, "variant": variant, **asdict(use)}
             for t, kernels in found.items()
             for k, use in kernels.items()
         ]
@@ -84,18 +86,18 @@ def check(tools: Tools, rows: Sequence[Row], folder: Path, jobs: int) -> Rows:
 
 
 def most(uses: Rows) -> Rows:
-    """For each kernel, with and without light samples, and target: the number of its variants and
-    the most that one needs of each."""
+    """For each kernel, evaluating fibres or not, and target: the number of its variants and the
+    most that one needs of each."""
     groups: dict[tuple, Rows] = {}
     for use in uses:
-        groups.setdefault((use["kernel"], use["light_sampling"], use["target"]), []).append(use)
+        groups.setdefault((use["kernel"], use["evaluates"], use["target"]), []).append(use)
     keys = Use.__dataclass_fields__
     return [
         {
-            "kernel": kernel, "light_sampling": sampled, "target": target, "variants": len(group),
+            "kernel": kernel, "evaluates": evaluates, "target": target, "variants": len(group),
             **{key: max(use[key] for use in group) for key in keys},
         }
-        for (kernel, sampled, target), group in groups.items()
+        for (kernel, evaluates, target), group in groups.items()
     ]  # fmt: skip
 
 
@@ -103,13 +105,12 @@ def broken(uses: Rows) -> list[str]:
     """Which bars do not hold, a line each; none: all hold."""
     found = []
     for use in uses:
-        light = "with" if use["light_sampling"] else "without"
-        who = f"{use['kernel']} {light} light samples on {use['target']}"
+        who = f"{use['kernel']}{', evaluating fibres,' * use['evaluates']} on {use['target']}"
         if use["spills"] > SPILLS:
             found.append(f"{who}: spills {use['spills']}")
         if use["kernel"].startswith("intersect") and use["stack"] > TRAVERSAL_STACK:
             found.append(f"{who}: stack {use['stack']} bytes, {TRAVERSAL_STACK} allowed")
-        shade = use["kernel"] == "shade" and not use["light_sampling"]
+        shade = use["kernel"] == "shade" and not use["evaluates"]
         if shade and use["target"] in NVIDIA and use["registers"] > SHADE_REGISTERS:
             found.append(f"{who}: {use['registers']} registers, {SHADE_REGISTERS} allowed")
     return found

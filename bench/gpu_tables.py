@@ -26,16 +26,16 @@ def cell(use: Results) -> str:
 
 
 def kernels() -> str:
-    """A kernel a row, with and without light samples, a GPU a column."""
+    """A kernel a row, in variants that evaluate fibres and in others, a GPU a column."""
     found = load(RESULTS)
     cells: dict[tuple[str, bool], dict[str, str]] = {}
     for use in found["uses"]:
-        cells.setdefault((use["kernel"], use["light_sampling"]), {})[use["target"]] = cell(use)
+        cells.setdefault((use["kernel"], use["evaluates"]), {})[use["target"]] = cell(use)
     rows = [
         [kernel, "yes" if sampled else "no", *(of_target[t] for t in found["targets"])]
         for (kernel, sampled), of_target in sorted(cells.items())
     ]
-    return table(["kernel", "light samples", *found["targets"]], rows)
+    return table(["kernel", "evaluates fibres", *found["targets"]], rows)
 
 
 def bars() -> str:
@@ -46,8 +46,8 @@ def bars() -> str:
         [
             (
                 f"No spills; at most {TRAVERSAL_STACK} bytes of stack where rays go through the "
-                f"tree; at most {SHADE_REGISTERS} of NVIDIA's registers in `shade` without light "
-                f"samples."
+                f"tree; at most {SHADE_REGISTERS} of NVIDIA's registers in `shade` where it "
+                f"evaluates no fibre."
             ),
             "",
             *lines,

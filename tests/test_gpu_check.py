@@ -114,7 +114,7 @@ def test_texts_are_those_of_a_gpu():
 def use(**changes):
     """Of a kernel within all bars."""
     return {
-        "kernel": "shade", "light_sampling": False, "target": "sm_90", "registers": 96,
+        "kernel": "shade", "evaluates": False, "target": "sm_90", "registers": 96,
         "scalars": 0, "stack": 0, "spills": 0, **changes,
     }  # fmt: skip
 
@@ -125,7 +125,7 @@ def use(**changes):
         ({}, True),
         ({"spills": 1}, False),
         ({"registers": 97}, False),
-        ({"registers": 168, "light_sampling": True}, True),
+        ({"registers": 168, "evaluates": True}, True),
         ({"registers": 120, "target": "gfx90a"}, True),
         ({"stack": 513}, True),
         ({"kernel": "intersect_closest", "registers": 128, "stack": 512}, True),
