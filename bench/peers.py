@@ -5,8 +5,8 @@ python bench/peers.py -o bench/results/peers/portable [--peers out/peers] [--dev
 `bash bench/install_peers.sh out/peers` installs the others into a folder of their own. The scene:
 the grooms of bench/peer_grooms.py, a scalp as a mesh, even light and a square lamp, the fibre of
 Chiang et al. 2016; once with the same settings (16 bounces, no roulette, independent numbers,
-light samples at every vertex), once with those that each renderer has by itself. mitsuba-cuda needs an
-NVIDIA GPU with OptiX, and is there by name only.
+light samples at every vertex), once with those that each renderer has by itself. mitsuba-cuda
+needs an NVIDIA GPU with OptiX, and is there by name only.
 """
 
 from __future__ import annotations
