@@ -1,6 +1,6 @@
 """furcl beside other renderers, live: the same scene, in turns, with the errors of each.
 
-python bench/peers.py -o bench/results/peers/portable [--peers out/peers] [--device D]
+python bench/peers.py -o bench/results/peers/NAME [--peers out/peers] [--device D]
 
 `bash bench/install_peers.sh out/peers` installs the others into a folder of their own. The scene:
 the grooms of bench/peer_grooms.py, a scalp as a mesh, even light and a square lamp, the fibre of
