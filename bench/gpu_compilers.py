@@ -26,7 +26,8 @@ class Use:
     registers : int     of a work-item: NVIDIA's registers, AMD's VGPRs
     scalars : int       AMD's SGPRs, 0 for NVIDIA
     stack : int         private memory of a work-item [bytes]
-    spills : int        NVIDIA: bytes stored and loaded; AMD: registers
+    spills : int        to memory; NVIDIA: bytes stored and loaded; AMD: VGPRs (SGPRs go to VGPRs,
+                        which are counted)
     """
 
     registers: int
@@ -143,8 +144,7 @@ def ptxas_uses(said: str) -> dict[str, Use]:
 
 
 _KERNEL = re.compile(r"^    \.name: +(\w+)$", re.MULTILINE)
-_AMD_KEYS = ("vgpr_count", "sgpr_count", "private_segment_fixed_size")
-_AMD_SPILLS = ("vgpr_spill_count", "sgpr_spill_count")
+_AMD_KEYS = ("vgpr_count", "sgpr_count", "private_segment_fixed_size", "vgpr_spill_count")
 
 
 def amd_uses(assembly: str) -> dict[str, Use]:
@@ -163,12 +163,10 @@ def amd_uses(assembly: str) -> dict[str, Use]:
     for match, end in zip(starts, ends, strict=True):
         part = metadata[match.start() : end]
         values = {
-            key: re.search(rf"^    \.{key}: +(\d+)$", part, re.MULTILINE)
-            for key in (*_AMD_KEYS, *_AMD_SPILLS)
+            key: re.search(rf"^    \.{key}: +(\d+)$", part, re.MULTILINE) for key in _AMD_KEYS
         }
         missing = [key for key, value in values.items() if value is None]
         if missing:
             raise CompileError(f"AMD's metadata of {match[1]} lack {', '.join(missing)}")
-        vgprs, sgprs, stack, *spills = (int(value[1]) for value in values.values() if value)
-        found[match[1]] = Use(vgprs, sgprs, stack, sum(spills))
+        found[match[1]] = Use(*(int(value[1]) for value in values.values() if value))
     return found

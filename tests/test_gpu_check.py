@@ -72,7 +72,7 @@ def test_what_ptxas_says():
 def test_what_amds_assembly_says():
     assert amd_uses(AMD) == {
         "intersect_closest": Use(140, 60, 1156, 0),
-        "intersect_shadow": Use(138, 49, 1160, 5),
+        "intersect_shadow": Use(138, 49, 1160, 3),
     }
 
 
