@@ -169,6 +169,22 @@ def test_a_mesh_far_beside_the_groom_is_told(tmp_path, height, said):
 
 
 @pytest.mark.parametrize(
+    ("fibre", "black"),
+    [
+        ({"preset": "human-black"}, False),
+        ({"model": "chiang", "sigma_a": 1e4}, False),
+        ({"model": "chiang", "sigma_a": 1e4, "eta": 1.0001}, True),
+        ({"model": "chiang", "sigma_a": [0.1, 1e4, 1e4], "eta": 1.0001}, False),
+        ({"preset": "human-black", "sigma_ca": 1e3, "eta": 1.01}, True),
+    ],
+)
+def test_a_black_fibre_is_told(fibre, black):
+    scene = decode_scene(minimal(fibre=fibre))
+    told = list(warnings.of_scene(scene, scene.build_curves()))
+    assert any("it is black" in text for text in told) == black
+
+
+@pytest.mark.parametrize(
     ("curves", "camera", "part"),
     [
         ({"radius": 0.02}, {}, None),

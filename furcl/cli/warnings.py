@@ -24,6 +24,7 @@ SMALL_PX = 2.0
 FAR_BESIDE = 0.25
 THIN_PX = 1e-3
 WIDE_LENS = 10.0
+DARK = 1e-3  # of the light; the blackest hair reflects 0.04
 FEW_HITS = 10
 FEW_SEGMENTS = 100_000  # of more, thin ones are told by their thickness
 LONG_SPP = 1e11  # samples of all pixels: hours on any machine
@@ -34,8 +35,8 @@ def of_scene(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> Iter
     for name in scene.material.keys() - scene.materials().keys():
         yield f"material {name} is of no groom: no groom names it"
     for name, fibre in scene.build_fibres().items():
-        if said := model_of(fibre).warning(fibre):
-            yield f"fibre of {name}: {said}"
+        said = (model_of(fibre).warning(fibre), _of_darkness(fibre))
+        yield from (f"fibre of {name}: {text}" for text in said if text)
     points = _some(curves)
     camera = scene.resolved_camera(curves, meshes)
     lower, upper = (bound.astype(np.float64) for bound in curves.bounds())
@@ -49,6 +50,22 @@ def of_scene(scene: Scene, curves: Curves, meshes: Meshes | None = None) -> Iter
     samples = scene.film.window.n_pixels * scene.render.spp
     if samples > LONG_SPP:
         yield f"{samples:.1g} samples of all pixels take hours or days; reduce spp or the film"
+
+
+def _of_darkness(fibre: object) -> str | None:
+    """Whether a fibre neither reflects light at its surface nor lets it through."""
+    eta = getattr(fibre, "eta", None)
+    sigma = getattr(fibre, "sigma_a", getattr(fibre, "sigma_ca", None))
+    if eta is None or sigma is None:
+        return None
+    reflected = ((eta - 1.0) / (eta + 1.0)) ** 2
+    through = float(np.exp(-2.0 * np.min(sigma)))  # across the middle; both sigmas are per radius
+    if reflected + through > DARK:
+        return None
+    return (
+        f"it is black: with eta {eta:.6g} the surface reflects {reflected:.1g} of the light, and "
+        f"{through:.1g} goes through; raise eta, or absorb less"
+    )
 
 
 def _some(curves: Curves) -> Array:
