@@ -73,7 +73,7 @@ STATE_BLOCK = 16
 
 # The tree over fibre segments: lanes and words of its blocks (kernels/include/bvh/block.clh).
 BVH_WIDTH = 8
-# Blocks of which lanes wait on a ray's stack. Real grooms need 7 to 9, and those whose sizes and
+# Blocks of which lanes wait on a ray's stack. Real grooms need 7 or 8, and those whose sizes and
 # distances fill six orders of magnitude up to 19 (tests/test_bvh.py).
 BVH_STACK_SIZE = 19
 BLOCK_ORIGIN, BLOCK_UNIT, BLOCK_STEP, BLOCK_ROWS = 0, 3, 4, 8
