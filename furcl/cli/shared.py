@@ -32,9 +32,11 @@ class Shared:
     @staticmethod
     def of(device: str | None, dask: str | None, part_spp: int | None) -> Shared | None:
         """Those of the options; None where one device renders."""
-        from furcl.device.several import names_several
+        several = False
+        if device is not None:
+            from furcl.device.several import names_several  # loads OpenCL
 
-        several = device is not None and names_several(device)
+            several = names_several(device)
         if dask is None and not several:
             if part_spp is not None:
                 raise typer.BadParameter("--part-spp is of renders that several devices share")
