@@ -2,16 +2,21 @@
 
 import dataclasses
 import os
+import platform
 import re
 import shutil
 import subprocess
 import threading
 import warnings
+from types import SimpleNamespace
+from typing import cast
 
+import numpy as np
 import pyopencl as cl
 import pytest
 
-from furcl.device import kernel_cache, layout, program, source
+from furcl.device import kernel_cache, layout, pocl_library, program, source
+from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.memory import Memory
 from furcl.device.runtime_caches import POCL
@@ -382,6 +387,34 @@ def test_the_library_of_pocl_is_inlined(device, tmp_path):
     # Functions of PoCL's own begin so, mangled; of those that are inlined nothing is left.
     calling = [name for name, content in built.items() if re.search(rb"_Z\d+_cl_fma", content)]
     assert not calling
+
+
+WIDE = """
+#pragma clang attribute push(__attribute__((target("no-avx512f"))), apply_to=function)
+__attribute__((noinline)) float16 twice(float16 x) { return x + x; }
+__kernel void wide(__global float16* y) { y[get_global_id(0)] = twice(y[get_global_id(0)]); }
+#pragma clang attribute pop
+"""
+
+
+def test_wide_vectors_go_into_functions_without_avx512(device):
+    """PoCL's compiler warns of them, which `-Werror` makes an error, unless it is told not to."""
+    if not device.platform.startswith(POCL) or platform.machine() != "x86_64":
+        pytest.skip(f"{device.platform} on {platform.machine()} is not PoCL on x86-64")
+    vectors = SimpleNamespace(native_vector_width_float=8)
+    narrow = cast("Device", SimpleNamespace(is_cpu=True, platform=POCL, cl_device=vectors))
+    values = np.arange(64, dtype=np.float32)
+    built = cl.Program(device.context, pocl_library.for_compiler(narrow, WIDE)).build(
+        list(program.OPTIONS)
+    )
+    buffer = Memory(device).upload("wide", values)
+    program.kernel_of(built, "wide")(device.queue, (4,), None, buffer)
+    doubled = np.empty_like(values)
+    cl.enqueue_copy(device.queue, doubled, buffer)
+    assert np.array_equal(doubled, 2.0 * values)
+    # As it is without: the same text fails.
+    with pytest.raises(cl.RuntimeError, match="changes the ABI"):
+        cl.Program(device.context, WIDE).build(list(program.OPTIONS))
 
 
 def test_a_kernel_that_the_runtime_lost_is_told(device):

@@ -19,7 +19,7 @@ from furcl.device import kernel_cache, layout
 from furcl.device.build_errors import DOES_NOT_COMPILE, names_a_place
 from furcl.device.choice import Device
 from furcl.device.features import Features
-from furcl.device.pocl_library import with_library_features
+from furcl.device.pocl_library import for_compiler
 from furcl.device.runtime_caches import cache_of
 from furcl.device.source import kernel_text
 from furcl.errors import KernelBuildError
@@ -50,7 +50,7 @@ def build(
     ------
     KernelBuildError    with the compiler's log, the features and where the text is
     """
-    text = with_library_features(device, kernel_text(names, features, extra))
+    text = for_compiler(device, kernel_text(names, features, extra))
     key = (device.context, text)
     with _lock:
         if key in _programs:

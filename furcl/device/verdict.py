@@ -31,10 +31,6 @@ _EXPLANATIONS = (
         "its compiler (LLVM) is older than this CPU; a newer OpenCL runtime is needed",
     ),
     (
-        "changes the ABI",  # of a vector: the CPU's name did not tell the compiler what it can
-        "its compiler (LLVM) does not know this CPU's vectors; a newer OpenCL runtime is needed",
-    ),
-    (
         'Executable "ld" doesn\'t exist',
         "it needs the linker ld, which no folder of PATH holds: the package binutils has it",
     ),
