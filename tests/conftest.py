@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+import math
 import re
+import time
 import zlib
 from pathlib import Path
 
@@ -20,6 +22,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("furcl")
     group.addoption("--device", default="", help="only devices whose description contains this")
     group.addoption("--seed", type=int, default=0, help="0 (default): the committed seeds")
+    group.addoption(
+        "--time-limit", type=float, default=math.inf, help="skip what has not begun by then [s]"
+    )
+
+
+_BEGUN = time.monotonic()
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a test that would begin after the time limit."""
+    limit = float(item.config.getoption("--time-limit"))
+    if time.monotonic() - _BEGUN > limit:
+        pytest.skip(f"the time limit of {limit:.0f} s is over")
 
 
 @functools.cache

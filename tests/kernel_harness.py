@@ -10,6 +10,7 @@ from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.launch import grid
 from furcl.device.memory import Memory
+from furcl.device.pocl_library import for_compiler
 from furcl.device.source import expand
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
 
@@ -44,7 +45,7 @@ def call(
     )
     launch = {"FURCL_LANES": lanes, "FURCL_PATHS_PER_ITEM": lanes}
     text = layout.declarations(text, chosen, launch) + text
-    built = cl.Program(device.context, text).build(list(program.OPTIONS))
+    built = cl.Program(device.context, for_compiler(device, text)).build(list(program.OPTIONS))
     memory = Memory(device)
     n = arrays[0].size
     out = memory.allocate("out", 4 * n)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from furcl.device import layout, program
 from furcl.device.choice import Device
 from furcl.device.features import Features
+from furcl.device.pocl_library import for_compiler
 from furcl.device.source import expand
 from furcl.light.model import Light
 
@@ -75,7 +76,7 @@ def _run(device: Device, light: Light, kernel: str, inputs, widths, light_sampli
 
 def launch(device: Device, text: str, kernel: str, arrays, n: int, widths):
     """Outputs (n, width) or (n,) of a kernel over n items, which reads arrays in front of them."""
-    built = cl.Program(device.context, text).build(list(program.OPTIONS))
+    built = cl.Program(device.context, for_compiler(device, text)).build(list(program.OPTIONS))
     flags = cl.mem_flags
     buffers = [
         cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=array)

@@ -402,7 +402,7 @@ def test_wide_vectors_go_into_functions_without_avx512(device):
     if not device.platform.startswith(POCL) or platform.machine() != "x86_64":
         pytest.skip(f"{device.platform} on {platform.machine()} is not PoCL on x86-64")
     vectors = SimpleNamespace(native_vector_width_float=8)
-    narrow = cast("Device", SimpleNamespace(is_cpu=True, platform=POCL, cl_device=vectors))
+    narrow = cast("Device", SimpleNamespace(platform=POCL, cl_device=vectors))
     values = np.arange(64, dtype=np.float32)
     built = cl.Program(device.context, pocl_library.for_compiler(narrow, WIDE)).build(
         list(program.OPTIONS)

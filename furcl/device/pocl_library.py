@@ -22,9 +22,9 @@ def for_compiler(device: Device, text: str) -> str:
     With AVX-512 its functions are allowed all that PoCL's library is built for, without it they
     may hand over vectors wider than the processor's.
     """
-    if not (device.is_cpu and device.platform.startswith(POCL)):
+    if not device.platform.startswith(POCL):
         return text
-    if device.cl_device.native_vector_width_float < _AVX512_FLOATS:
+    if device.cl_device.native_vector_width_float != _AVX512_FLOATS:
         return f"{_HANDING_OVER}\n{text}"
     allow = (
         f'#pragma clang attribute push(__attribute__((target("{_FEATURE}"))), apply_to=function)'
