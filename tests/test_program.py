@@ -8,15 +8,12 @@ import shutil
 import subprocess
 import threading
 import warnings
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 import pyopencl as cl
 import pytest
 
 from furcl.device import kernel_cache, layout, pocl_library, program, source
-from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.memory import Memory
 from furcl.device.runtime_caches import POCL
@@ -401,12 +398,9 @@ def test_wide_vectors_go_into_functions_without_avx512(device):
     """PoCL's compiler warns of them, which `-Werror` makes an error, unless it is told not to."""
     if not device.platform.startswith(POCL) or platform.machine() != "x86_64":
         pytest.skip(f"{device.platform} on {platform.machine()} is not PoCL on x86-64")
-    vectors = SimpleNamespace(native_vector_width_float=8)
-    narrow = cast("Device", SimpleNamespace(platform=POCL, cl_device=vectors))
     values = np.arange(64, dtype=np.float32)
-    built = cl.Program(device.context, pocl_library.for_compiler(narrow, WIDE)).build(
-        list(program.OPTIONS)
-    )
+    text = pocl_library.for_compiler(device, WIDE)
+    built = cl.Program(device.context, text).build(list(program.OPTIONS))
     buffer = Memory(device).upload("wide", values)
     program.kernel_of(built, "wide")(device.queue, (4,), None, buffer)
     doubled = np.empty_like(values)
