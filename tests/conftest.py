@@ -32,7 +32,7 @@ _BEGUN = time.monotonic()
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip a test that would begin after the time limit."""
-    limit = float(item.config.getoption("--time-limit"))
+    limit = float(str(item.config.getoption("--time-limit")))
     if time.monotonic() - _BEGUN > limit:
         pytest.skip(f"the time limit of {limit:.0f} s is over")
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+
 import pytest
 from faults.__main__ import outcome, topics
 from faults.case import Case, NotHereError
+from faults.harness import environment
+
+from furcl.paths import python_command
 
 CASES = [
     pytest.param(case, id=f"{topic}: {case.name}")
@@ -44,3 +49,45 @@ def _broken(folder, quick):
 )
 def test_outcomes(run, said, right):
     assert outcome(Case("a case", run), True) == (said, right)
+
+
+FORKS = """
+import os, signal, sys
+from pathlib import Path
+from faults import groom_seeds
+from furcl.errors import GroomError
+from furcl.groom.formats import load_curves
+
+deaths = {1: lambda: os.kill(os.getpid(), signal.SIGABRT), 2: lambda: os._exit(3), 4: lambda: 1 / 0}
+read = groom_seeds._within_seconds
+def within_seconds(path, *rest):
+    deaths.get(int(path.stem), int)()
+    return read(path, *rest)
+groom_seeds._within_seconds = within_seconds
+
+paths = [Path(sys.argv[1]) / f"{i}.usda" for i in range(6)]
+for path in paths:
+    path.write_bytes(groom_seeds.usda(path.parent))
+with groom_seeds.usd_read_together(paths):
+    for path in paths:
+        try:
+            print(load_curves(path).n_strands)
+        except GroomError as error:
+            print(error)
+"""
+
+
+def test_forks_that_die_while_they_read_usd(tmp_path):
+    """Each costs the file that it was at, and the others are read."""
+    pytest.importorskip("pxr", reason="usd-core is not installed")
+    command = python_command("-c", FORKS, str(tmp_path))
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, check=True)
+    read, *found = done.stdout.splitlines()
+    assert int(read) > 0
+    assert found == [
+        "usd-core dies of signal 6",
+        "usd-core ends the process",
+        read,
+        "usd-core ends the process",
+        read,
+    ]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import gzip
 import io
+import mmap
 import os
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +22,10 @@ RNG = np.random.default_rng(1)
 POINTS = RNG.random((9, 3)).astype("<f4")
 OFFSETS = [0, 3, 5, 9]
 CPU_SECONDS = 20
+
+# Of a USD file that forks read: not yet, at it, or how it failed.
+_WAITS, _READ_NOW, _RAISES, _ENDS = 255, 254, 253, 252
+_FAILED = {_RAISES: "raises an error of Python's", _ENDS: "ends the process"}
 
 
 def written(suffix: str, folder: Path) -> bytes:
@@ -168,43 +174,85 @@ def seed(kind: str, folder: Path) -> bytes:
 
 
 def read(kind: str, path: Path) -> None:
-    """Read a file as `furcl.load_curves` does, USD by a fork."""
+    """Read a file as `furcl.load_curves` does."""
     from furcl.groom.formats import load_curves
 
-    if kind.startswith("usd"):
-        read_usd_by_fork()
     load_curves(path, **SEEDS[kind][2])
 
 
-def read_usd_by_fork() -> None:
-    """Let this process read USD by forks of itself from now on."""
+@contextmanager
+def usd_read_together(paths: list[Path]) -> Iterator[None]:
+    """Within it this process reads these USD files by forks of itself, each file once.
+
+    The forks are of a process that has loaded usd-core and never used it: its first file takes
+    longer than a hundred more, so a fork reads one file after the other.
+    """
     from furcl.groom.formats import usd
 
-    usd.extracted = _by_fork
+    ended: dict[tuple[Path, str], _Ended] = {}
+
+    def extracted(path: Path, what: str = "curves"):
+        if (path, what) not in ended:
+            ended.update({(each, what): end for each, end in _by_forks(paths, what)})
+        end = ended[path, what]
+        if end.code:
+            raise GroomError(f"usd-core {_FAILED.get(end.code, f'dies of signal {end.code}')}")
+        return usd.shared_result(end.file)
+
+    before, usd.extracted = usd.extracted, extracted
+    try:
+        yield
+    finally:
+        usd.extracted = before
+        for end in ended.values():
+            os.close(end.file)
 
 
-def _by_fork(path: Path, what: str = "curves") -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """As furcl.groom.formats.usd reads a file, but by a fork of this process, which has loaded
-    usd-core and never used it: that is a hundred times faster than another process."""
-    import resource
+class _Ended(NamedTuple):
+    """How the reading of a file ended, 0 being well, else a signal or one of _FAILED; and the open
+    file that holds its result."""
 
+    code: int
+    file: int
+
+
+def _by_forks(paths: list[Path], what: str) -> Iterator[tuple[Path, _Ended]]:
+    """As furcl.groom.formats.usd reads files; where a fork dies another goes on after its file."""
     from pxr import Usd, UsdGeom, UsdShade  # noqa: F401
 
-    from furcl.groom.formats import usd, usd_stage
+    from furcl.groom.formats import usd
     from furcl.memory import limit_memory
 
-    file = os.memfd_create("mutant")
+    files = [os.memfd_create("mutant") for _ in paths]
+    codes = mmap.mmap(-1, len(paths))
+    codes[:] = bytes([_WAITS]) * len(paths)
 
-    def within_limits() -> None:
-        limit_memory(usd.memory_bytes(path))
-        resource.setrlimit(resource.RLIMIT_CPU, (CPU_SECONDS, CPU_SECONDS))
+    most = max(path.stat().st_size for path in paths) * max(usd.TEXT_FACTOR, usd.MEMORY_FACTOR)
+
+    def read_on() -> None:
+        limit_memory(most + usd.SLACK_BYTES)
+        for i in range(codes[:].index(_WAITS), len(paths)):
+            codes[i] = _READ_NOW
+            codes[i] = _within_seconds(paths[i], files[i], what)
+
+    while _WAITS in codes[:]:
+        status = in_fork(read_on)
+        if status:
+            codes[codes[:].index(_READ_NOW)] = os.WTERMSIG(status) or _ENDS
+    yield from zip(paths, map(_Ended, codes[:], files), strict=True)
+
+
+def _within_seconds(path: Path, file: int, what: str) -> int:
+    import resource
+
+    from furcl.groom.formats import usd_stage
+
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    limit = int(used.ru_utime + used.ru_stime) + CPU_SECONDS
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
+    try:
         with os.fdopen(os.dup(file), "wb") as shared:
             usd_stage.write_result(str(path), shared, what)
-
-    status = in_fork(within_limits)
-    try:
-        if status:
-            raise GroomError(f"usd-core ends with {os.waitstatus_to_exitcode(status)}")
-        return usd.shared_result(file)
-    finally:
-        os.close(file)
+    except Exception:
+        return _RAISES
+    return 0

@@ -19,6 +19,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ from furcl.errors import (
 QUICK = 60
 # Of grooms, whose readers take a millisecond; of USD's ten.
 QUICK_GROOMS = 1000
+USD_TOGETHER = 200
 EVERY = "every kind"
 MOST_SECONDS = 3600  # of the processor, to read those of a kind
 PEAK_BYTES = 512 << 20
@@ -302,11 +304,6 @@ def _usd_mesh(rng: np.random.Generator) -> bytes:
     return mutated(groom_seeds.usd_mesh(), rng)
 
 
-def _read_usd_mesh(path: Path) -> None:
-    groom_seeds.read_usd_by_fork()
-    _read_mesh(path)
-
-
 def _read_texture(path: Path) -> None:
     from furcl.surface.mesh.texture import read_texture
 
@@ -434,7 +431,7 @@ KINDS: dict[str, Kind] = {
     "cache": (_tables, ".tables", _read_tables, BvhError),
     "mesh obj": (_obj, ".obj", _read_mesh, MeshError),
     "mesh ply": (_ply, ".ply", _read_mesh, MeshError),
-    "mesh usda": (_usd_mesh, ".usda", _read_usd_mesh, MeshError),
+    "mesh usda": (_usd_mesh, ".usda", _read_mesh, MeshError),
     "texture": (_texture, ".png", _read_texture, ImageError),
     "stored": (_stored, ".bin", _read_stored, BvhError),
     "reference": (_reference, ".exr", _read_reference, BenchError),
@@ -458,9 +455,9 @@ KINDS |= {
 #: Two million in all.
 FULL = {"hair": 100_000, "npz": 100_000, "exr": 20_000, "exr light": 10_000, "hdr": 80_000}
 FULL |= {"toml": 60_000, "compare": 10_000, "override": 30_000, "results": 40_000}
-FULL |= {"sampler": 40_000, "cache": 50_000, "mesh obj": 50_000, "mesh ply": 50_000}
+FULL |= {"sampler": 40_000, "cache": 50_000, "mesh obj": 100_000, "mesh ply": 100_000}
 FULL |= {"texture": 40_000, "stored": 20_000, "reference": 5_000, "state": 20_000}
-FULL |= {"checkpoint": 20_000, "mesh usda": 10_000}
+FULL |= {"checkpoint": 20_000, "mesh usda": 100_000}
 FULL |= dict.fromkeys(groom_seeds.SEEDS, 100_000)
 
 
@@ -473,17 +470,24 @@ def read_mutants(kind: str, first: int, end: int, seed: int, folder: Path) -> in
     """
     make, suffix, read, error = KINDS[kind]
     n_refused = 0
-    path = folder / ("results.json" if kind == "results" else f"mutant{suffix}")
-    for index in range(first, end):
-        path.write_bytes(make(np.random.default_rng([seed, index])))
-        try:
-            read(path)
-        except error:
-            n_refused += 1
-        except Exception as other:
-            raise AssertionError(
-                f"{kind} number {index} of seed {seed}: {type(other).__name__}: {str(other)[:150]}"
-            ) from other
+    n_together = USD_TOGETHER if suffix.startswith(".usd") else 1
+    name = "results.json" if kind == "results" else f"mutant{suffix}"
+    for begin in range(first, end, n_together):
+        numbers = range(begin, min(begin + n_together, end))
+        paths = [folder / (name if n_together == 1 else f"{index}{suffix}") for index in numbers]
+        for index, path in zip(numbers, paths, strict=True):
+            path.write_bytes(make(np.random.default_rng([seed, index])))
+        together = groom_seeds.usd_read_together(paths) if n_together > 1 else nullcontext()
+        with together:
+            for index, path in zip(numbers, paths, strict=True):
+                try:
+                    read(path)
+                except error:
+                    n_refused += 1
+                except Exception as other:
+                    said = f"{type(other).__name__}: {str(other)[:150]}"
+                    raise AssertionError(f"{kind} number {index} of seed {seed}: {said}") from other
+                path.unlink()
     return n_refused
 
 
