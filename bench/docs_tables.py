@@ -18,6 +18,7 @@ import model_tables
 import models_tables
 import near_far_tables
 import paper_size_tables
+import paper_spp_tables
 import render_tables
 import scattering_tables
 import sharing_tables
@@ -34,6 +35,7 @@ DOCUMENTS = {
     | ladder_tables.TABLES
     | model_samplers_tables.TABLES
     | paper_size_tables.TABLES
+    | paper_spp_tables.TABLES
     | check_tables.RESULTS,
     "numerics.md": stability_tables.TABLES,
     "models/index.md": models_tables.TABLES,
