@@ -5,17 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pyopencl as cl
 
-from furcl.device import layout, program
+from furcl.device import layout
 from furcl.device.choice import Device
 from furcl.device.features import Features
 from furcl.device.launch import grid
 from furcl.device.memory import Memory
 from furcl.device.pocl_library import for_compiler
+from furcl.device.program import OPTIONS
 from furcl.device.source import expand
 from furcl.fibre.double_cylinder.features import DoubleCylinderFeatures
 
 #: Features with every part of the double cylinder.
 FULL = Features(fibre=DoubleCylinderFeatures())
+
+
+def built(device: Device, text: str) -> cl.Program:
+    """A program of a whole text, as furcl builds it."""
+    return cl.Program(device.context, for_compiler(device, text)).build(list(OPTIONS))
 
 
 def call(
@@ -45,12 +51,12 @@ def call(
     )
     launch = {"FURCL_LANES": lanes, "FURCL_PATHS_PER_ITEM": lanes}
     text = layout.declarations(text, chosen, launch) + text
-    built = cl.Program(device.context, for_compiler(device, text)).build(list(program.OPTIONS))
+    program = built(device, text)
     memory = Memory(device)
     n = arrays[0].size
     out = memory.allocate("out", 4 * n)
     buffers = [
         memory.upload(name, array.ravel()) for name, array in zip(names, arrays, strict=True)
     ]
-    cl.Kernel(built, "call")(device.queue, *grid(n), np.uint32(n), out, *buffers)
+    cl.Kernel(program, "call")(device.queue, *grid(n), np.uint32(n), out, *buffers)
     return memory.read(out, n)

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pyopencl as cl
+from kernel_harness import built
 from numpy.typing import NDArray
 
-from furcl.device import layout, program
+from furcl.device import layout
 from furcl.device.choice import Device
 from furcl.device.features import Features
-from furcl.device.pocl_library import for_compiler
 from furcl.device.source import expand
 from furcl.light.model import Light
 
@@ -76,7 +76,7 @@ def _run(device: Device, light: Light, kernel: str, inputs, widths, light_sampli
 
 def launch(device: Device, text: str, kernel: str, arrays, n: int, widths):
     """Outputs (n, width) or (n,) of a kernel over n items, which reads arrays in front of them."""
-    built = cl.Program(device.context, for_compiler(device, text)).build(list(program.OPTIONS))
+    program = built(device, text)
     flags = cl.mem_flags
     buffers = [
         cl.Buffer(device.context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=array)
@@ -85,7 +85,7 @@ def launch(device: Device, text: str, kernel: str, arrays, n: int, widths):
     outputs = [np.zeros((n, width) if width > 1 else n, np.float32) for width in widths]
     results = [cl.Buffer(device.context, flags.WRITE_ONLY, array.nbytes) for array in outputs]
     # Groups of one, as stages on CPUs have them: Intel's compiler fails to make vectors of some.
-    getattr(built, kernel)(device.queue, (n,), (1,), *buffers, *results)
+    getattr(program, kernel)(device.queue, (n,), (1,), *buffers, *results)
     for array, buffer in zip(outputs, results, strict=True):
         cl.enqueue_copy(device.queue, array, buffer)
     return outputs

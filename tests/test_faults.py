@@ -52,7 +52,7 @@ def test_outcomes(run, said, right):
 
 
 FORKS = """
-import os, signal, sys
+import os, resource, signal, sys
 from pathlib import Path
 from faults import groom_seeds
 from furcl.errors import GroomError
@@ -62,8 +62,11 @@ deaths = {1: lambda: os.kill(os.getpid(), signal.SIGABRT), 2: lambda: os._exit(3
 read = groom_seeds._within_seconds
 def within_seconds(path, *rest):
     deaths.get(int(path.stem), int)()
-    return read(path, *rest)
+    code = read(path, *rest)
+    assert resource.getrlimit(resource.RLIMIT_CPU)[1] == 3600  # only root might raise it
+    return code
 groom_seeds._within_seconds = within_seconds
+resource.setrlimit(resource.RLIMIT_CPU, (3600, 3600))
 
 paths = [Path(sys.argv[1]) / f"{i}.usda" for i in range(6)]
 for path in paths:

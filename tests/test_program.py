@@ -12,8 +12,9 @@ import warnings
 import numpy as np
 import pyopencl as cl
 import pytest
+from kernel_harness import built
 
-from furcl.device import kernel_cache, layout, pocl_library, program, source
+from furcl.device import kernel_cache, layout, program, source
 from furcl.device.features import Features
 from furcl.device.memory import Memory
 from furcl.device.runtime_caches import POCL
@@ -399,13 +400,10 @@ def test_wide_vectors_go_into_functions_without_avx512(device):
     if not device.platform.startswith(POCL) or platform.machine() != "x86_64":
         pytest.skip(f"{device.platform} on {platform.machine()} is not PoCL on x86-64")
     values = np.arange(64, dtype=np.float32)
-    text = pocl_library.for_compiler(device, WIDE)
-    built = cl.Program(device.context, text).build(list(program.OPTIONS))
-    buffer = Memory(device).upload("wide", values)
-    program.kernel_of(built, "wide")(device.queue, (4,), None, buffer)
-    doubled = np.empty_like(values)
-    cl.enqueue_copy(device.queue, doubled, buffer)
-    assert np.array_equal(doubled, 2.0 * values)
+    memory = Memory(device)
+    buffer = memory.upload("wide", values)
+    cl.Kernel(built(device, WIDE), "wide")(device.queue, (4,), None, buffer)
+    assert np.array_equal(memory.read(buffer, values.size), 2.0 * values)
     # As it is without: the same text fails.
     with pytest.raises(cl.RuntimeError, match="changes the ABI"):
         cl.Program(device.context, WIDE).build(list(program.OPTIONS))

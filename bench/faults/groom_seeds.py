@@ -227,10 +227,10 @@ def _by_forks(paths: list[Path], what: str) -> Iterator[tuple[Path, _Ended]]:
     codes = mmap.mmap(-1, len(paths))
     codes[:] = bytes([_WAITS]) * len(paths)
 
-    most = max(path.stat().st_size for path in paths) * max(usd.TEXT_FACTOR, usd.MEMORY_FACTOR)
+    whole = [path for path in paths if path.stat().st_size]
 
     def read_on() -> None:
-        limit_memory(most + usd.SLACK_BYTES)
+        limit_memory(max(map(usd.memory_bytes, whole), default=usd.SLACK_BYTES))
         for i in range(codes[:].index(_WAITS), len(paths)):
             codes[i] = _READ_NOW
             codes[i] = _within_seconds(paths[i], files[i], what)
@@ -249,7 +249,8 @@ def _within_seconds(path: Path, file: int, what: str) -> int:
 
     used = resource.getrusage(resource.RUSAGE_SELF)
     limit = int(used.ru_utime + used.ru_stime) + CPU_SECONDS
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
+    # Only root may raise the hard limit, which the caller may have set.
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.getrlimit(resource.RLIMIT_CPU)[1]))
     try:
         with os.fdopen(os.dup(file), "wb") as shared:
             usd_stage.write_result(str(path), shared, what)

@@ -42,9 +42,9 @@ from furcl.errors import (
 )
 
 QUICK = 60
-# Of grooms, whose readers take a millisecond; of USD's ten.
+# Of grooms, whose readers take some milliseconds.
 QUICK_GROOMS = 1000
-USD_TOGETHER = 200
+USD_TOGETHER = 200  # by a fork, whose first takes longer than a hundred more
 EVERY = "every kind"
 MOST_SECONDS = 3600  # of the processor, to read those of a kind
 PEAK_BYTES = 512 << 20
@@ -511,7 +511,7 @@ def main() -> int:
 
 def _few(kind: str) -> int:
     """How many of a kind the short form reads."""
-    if kind in groom_seeds.SEEDS and not kind.startswith("usd"):
+    if kind in groom_seeds.SEEDS:
         return QUICK_GROOMS
     return QUICK // 4 if kind.startswith(("exr", "reference")) else QUICK
 
