@@ -1,10 +1,10 @@
-# make demo | test | test-slow | debug-render | gpu-check | lint | types | imports | docs | lock | clean. Each sets up what it needs in .venv.
+# make demo | test | test-slow | debug-render | gpu-check | oclgrind-check | lint | types | imports | docs | lock | clean. Each sets up what it needs in .venv.
 VENV := .venv
 BIN := $(VENV)/bin
 DEMO := --size 384x384 --spp 32 --time-limit 50
 DEBUG_SCENES := red_fox extreme/bright_pixel
 
-.PHONY: demo test test-slow debug-render gpu-check lint types imports docs lock clean setup
+.PHONY: demo test test-slow debug-render gpu-check oclgrind-check lint types imports docs lock clean setup
 .DEFAULT_GOAL := demo
 
 # Render black hair to out/black_hair.exr and out/black_hair.png, in less than a minute.
@@ -30,6 +30,14 @@ gpu-check: $(VENV)/.installed out/gpu-tools/.installed
 
 out/gpu-tools/.installed: bench/install_gpu_tools.sh | $(VENV)/.installed
 	BIN=$(BIN) bash bench/install_gpu_tools.sh out/gpu-tools
+	touch $@
+
+# Small renders on a simulated GPU, which looks for data races. The simulator, 0.3 GB, goes into a folder of its own.
+oclgrind-check: $(VENV)/.device out/oclgrind/.installed
+	$(BIN)/python bench/oclgrind_check.py $(ARGS)
+
+out/oclgrind/.installed: bench/install_oclgrind.sh
+	bash bench/install_oclgrind.sh out/oclgrind
 	touch $@
 
 lint: $(VENV)/.installed

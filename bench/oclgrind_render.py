@@ -1,0 +1,194 @@
+"""A small render on oclgrind, a simulated GPU, for bench/oclgrind_check.py, which starts this in a
+process where the simulator is a platform: python bench/oclgrind_render.py CASE
+
+Prints, as a line of JSON, what the render was made of and its mean beside that of the same samples
+on another device.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+from furcl.bench.variants import FIBRE_VALUES, VALUES
+from furcl.device.choice import Device, list_candidates, open_candidate
+from furcl.rendering import setup
+from furcl.rendering.renderer import Renderer
+from furcl.rendering.wavefront import stage_files
+from furcl.scene.read import load_scene
+from furcl.scene.tables import Scene
+
+PLATFORM = "Oclgrind"
+SIZE, SPP, WAVE_SIZE = "4x4", 4, 32
+
+#: Of every case: short paths.
+SMALL = (f"render.spp={SPP}", "render.max_depth=3")
+FEW_HAIRS = ("curves.n_strands=12",)
+TETRAHEDRON = """\
+v 0 0 1
+v 1 0 -0.4
+v -0.6 0.9 -0.4
+v -0.6 -0.9 -0.4
+f 1 2 3
+f 1 3 4
+f 1 4 2
+f 2 4 3
+"""
+
+#: Case -> scene and what is set of it; FOLDER is where the mesh is.
+CASES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "conventional": (
+        "single_fibre",
+        ("fibre.kappa=0", "fibre.sigma_ca=0.5", "render.sampling=uniform-h", "film.filter=box",
+         "render.sequence=independent", "render.light_sampling=bcsdf", "render.roulette=depth",
+         "render.roulette_depth=1"),
+    ),
+    "sky": ("black_hair", (*FEW_HAIRS, "camera.aperture_radius=0.1", "film.crop=[1, 1, 3, 4]")),
+    "adaptive": (
+        "raccoon",
+        ("curves.n_strands=20", "render.allocation=adaptive", "render.sampling=attenuation-cdf",
+         "film.layers=['alpha', 'depth', 'strand', 'groom', 'lobes', 'direct', 'samples']",
+         "film.background=transparent"),
+    ),
+    "simulated": (
+        "red_fox",
+        ("curves.n_strands=20", "fibre.scattering=simulated", "render.sampling=all-lobes",
+         "film.filter=tent", "render.roulette=throughput", "render.roulette_depth=1"),
+    ),
+    "near": (
+        "white_hair",
+        (*FEW_HAIRS, "fibre.mode=near", 'camera={projection="orthographic"}'),
+    ),
+    "multiscale": ("white_hair", (*FEW_HAIRS, "fibre.mode=multiscale")),
+    "grooms": (
+        "two_grooms",
+        ("groom.scalp.curves.n_strands=12", "groom.streaks.curves.n_strands=6",
+         "groom.streaks.curves.n_clumps=2"),
+    ),
+    "lamps": ("lamps", FEW_HAIRS),
+    "motion": (
+        "motion",
+        ("groom.rolling.curves.n_strands=20", "groom.standing.curves.n_strands=20"),
+    ),
+    "mesh": (
+        "portrait",
+        (*FEW_HAIRS, 'mesh.head.file="FOLDER/tetrahedron.obj"', "mesh.head.coat={}"),
+    ),
+    **{
+        model: ("black_hair", (*FEW_HAIRS, f'fibre={{model="{model}", preset="{preset}"}}'))
+        for model, preset in (
+            ("chiang", "brown"), ("deon", "brown"), ("marschner", "brown"),
+            ("sadeghi", "production"), ("yan2015", "human-white"),
+        )
+    },
+}  # fmt: skip
+
+#: Not a render but a kernel that races on purpose, which the check must find.
+RACE = "race"
+RACING = "__kernel void racing(__global uint* x) { x[0] = (uint)get_global_id(0); }"
+
+Report = dict[str, Any]
+
+
+class _InTurn:
+    """A pool that does its work at once: the simulator takes the commands of one thread alone."""
+
+    def __init__(self, max_workers: int) -> None:
+        del max_workers
+
+    def __enter__(self) -> _InTurn:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(work(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class _MadeElsewhere:
+    """A memory whose tables another device makes; the buffers are its own."""
+
+    def __init__(self, memory: Any, device: Device) -> None:
+        self._memory, self.device = memory, device
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._memory, name)
+
+
+def _devices() -> tuple[Device, Device]:
+    """The simulator, and the first of the others."""
+    candidates = list_candidates()
+    (simulator,) = [c for c in candidates if c.runtime == PLATFORM]
+    other = next(c for c in candidates if c.runtime != PLATFORM)
+    return open_candidate(simulator), open_candidate(other)
+
+
+def _values(scene: Scene, renderer: Renderer) -> dict[str, list[str]]:
+    """What each field of the compile matrix is, of all materials."""
+    values: dict[str, set[str]] = {field: set() for field in VALUES}
+    for material in renderer.setup.materials:
+        for field, had in values.items():
+            of = material.features.fibre if field in FIBRE_VALUES else material.features
+            had.add(repr(getattr(of, field, None)))
+    light = scene.environment
+    values["light"] = {repr(light and type(light).__struct_config__.tag)}
+    values["sampler"] = {repr(scene.render.sampling)}
+    return {field: sorted(had) for field, had in values.items()}
+
+
+def render_case(name: str) -> Report:
+    """Render a case on the simulator, its tables made by another device, and then on that."""
+    simulator, other = _devices()
+    build_material = setup.build_material
+    setup.ThreadPoolExecutor = _InTurn  # pyright: ignore[reportAttributeAccessIssue]
+    setup.build_material = lambda memory, *rest, **named: build_material(
+        _MadeElsewhere(memory, other),  # pyright: ignore[reportArgumentType]
+        *rest,
+        **named,
+    )
+    of, settings = CASES[name]
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "tetrahedron.obj").write_text(TETRAHEDRON)
+        overrides = [setting.replace("FOLDER", folder) for setting in (*settings, *SMALL)]
+        scene = load_scene(of, overrides=overrides, size=SIZE)
+        renderer = Renderer(scene, simulator, wave_size=WAVE_SIZE)
+        renderer.advance(SPP)
+        image = renderer.image()
+        there = Renderer(scene, other, wave_size=WAVE_SIZE)
+        there.advance(SPP)
+    return {
+        "stages": sorted(stage_files(renderer.features)),
+        "values": _values(scene, renderer),
+        "hits": float(image.stats["hits_per_path"]),
+        "mean": float(np.mean(image.rgb, dtype=np.float64)),
+        "mean_elsewhere": float(np.mean(there.image().rgb, dtype=np.float64)),
+    }
+
+
+def race() -> Report:
+    """Run the kernel that races."""
+    (platform,) = [p for p in cl.get_platforms() if p.name == PLATFORM]
+    context = cl.Context(platform.get_devices())
+    queue = cl.CommandQueue(context)
+    buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4)
+    cl.Program(context, RACING).build().racing(queue, (64,), (64,), buffer)
+    queue.finish()
+    return {}
+
+
+if __name__ == "__main__":
+    print(json.dumps(race() if sys.argv[1] == RACE else render_case(sys.argv[1])))
