@@ -32,6 +32,7 @@ SIZE, SPP, WAVE_SIZE = "4x4", 4, 32
 #: Of every case: short paths.
 SMALL = (f"render.spp={SPP}", "render.max_depth=3")
 FEW_HAIRS = ("curves.n_strands=12",)
+THICK_FUR = ("curves.n_strands=20", "curves.radius=0.05")
 TETRAHEDRON = """\
 v 0 0 1
 v 1 0 -0.4
@@ -47,20 +48,21 @@ f 2 4 3
 CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "conventional": (
         "single_fibre",
-        ("fibre.kappa=0", "fibre.sigma_ca=0.5", "render.sampling=uniform-h", "film.filter=box",
+        ("fibre.kappa=0", "fibre.sigma_ca=0.5", "fibre.layers=0.5", "fibre.alpha_deg=0",
+         "render.variance=false", "render.sampling=uniform-h", "film.filter=box",
          "render.sequence=independent", "render.light_sampling=bcsdf", "render.roulette=depth",
          "render.roulette_depth=1"),
     ),
     "sky": ("black_hair", (*FEW_HAIRS, "camera.aperture_radius=0.1", "film.crop=[1, 1, 3, 4]")),
     "adaptive": (
         "raccoon",
-        ("curves.n_strands=20", "render.allocation=adaptive", "render.sampling=attenuation-cdf",
+        (*THICK_FUR, "render.allocation=adaptive", "render.sampling=attenuation-cdf",
          "film.layers=['alpha', 'depth', 'strand', 'groom', 'lobes', 'direct', 'samples']",
          "film.background=transparent"),
     ),
     "simulated": (
         "red_fox",
-        ("curves.n_strands=20", "fibre.scattering=simulated", "render.sampling=all-lobes",
+        (*THICK_FUR, "fibre.scattering=simulated", "render.sampling=all-lobes",
          "film.filter=tent", "render.roulette=throughput", "render.roulette_depth=1"),
     ),
     "near": (
