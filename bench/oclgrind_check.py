@@ -1,4 +1,5 @@
-"""Small renders on oclgrind, a simulated GPU: data races, and reads and writes outside of buffers.
+"""Small renders on oclgrind, a simulated GPU: data races, reads and writes outside of buffers, and
+where the simulator can tell them uninitialised values.
 
 python bench/oclgrind_check.py [--tools FOLDER] [-o OUT] [CASE...]
 
@@ -22,7 +23,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from oclgrind_render import CASES, RACE, SIZE, SPP, Report
+from oclgrind_render import CASES, FILLED, RACE, SIZE, SPP, Report
 
 from furcl.bench.record import write_json
 from furcl.bench.variants import VALUES
@@ -47,8 +48,9 @@ def found_in(log: str) -> list[str]:
     return list(found)
 
 
-def environment(tools: Path, folder: Path, log: Path) -> dict[str, str]:
-    """This process's environment with one more platform: the simulator, which looks for races."""
+def environment(tools: Path, folder: Path, log: Path, uninitialised: bool) -> dict[str, str]:
+    """This process's environment with one more platform: the simulator, which looks for races, and
+    for uninitialised values if wanted."""
     vendors = folder / "vendors"
     vendors.mkdir()
     for file in Path(os.environ.get("OCL_ICD_VENDORS", "/etc/OpenCL/vendors")).glob("*.icd"):
@@ -63,19 +65,20 @@ def environment(tools: Path, folder: Path, log: Path) -> dict[str, str]:
         # Optimised code has instructions that the simulator does not know.
         "OCLGRIND_BUILD_OPTIONS": "-cl-opt-disable",
         "OCLGRIND_DATA_RACES": "1",
+        **({"OCLGRIND_UNINITIALIZED": "1"} if uninitialised else {}),
         "OCLGRIND_MAX_ERRORS": "100",
         "OCLGRIND_LOG": str(log),
     }
 
 
-def run(case: str, tools: Path) -> Report:
+def run(case: str, tools: Path, uninitialised: bool = False) -> Report:
     """A case in a process of its own: its report, and as `found` what is wrong with it."""
     with tempfile.TemporaryDirectory() as temporary:
         log = Path(temporary) / "log.txt"
         try:
             ended = subprocess.run(
                 [sys.executable, str(Path(__file__).with_name("oclgrind_render.py")), case],
-                env=environment(tools, Path(temporary), log),
+                env=environment(tools, Path(temporary), log, uninitialised),
                 capture_output=True,
                 text=True,
                 timeout=TIMEOUT_S,
@@ -128,10 +131,13 @@ def main() -> int:
     if not any("race" in line for line in run(RACE, tools)["found"]):
         print("a race on purpose was not found: the check is of no use", file=sys.stderr)
         return 1
+    uninitialised = not run(FILLED, tools, uninitialised=True)["found"]
+    if not uninitialised:
+        print("uninitialised values are not looked for: filled buffers are taken for such")
     reports = []
     for case in arguments.cases or CASES:
         start = time.monotonic()
-        reports.append(run(case, tools))
+        reports.append(run(case, tools, uninitialised))
         told = "\n  ".join(reports[-1]["found"]) or "nothing found"
         print(f"{case}, {time.monotonic() - start:.0f} s: {told}", flush=True)
     missing = never(reports)
@@ -141,6 +147,7 @@ def main() -> int:
         "date": time.strftime("%Y-%m-%d"),
         "size": SIZE,
         "spp": SPP,
+        "uninitialised": uninitialised,
         "reports": reports,
         "never": missing,
     }

@@ -93,9 +93,13 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     },
 }  # fmt: skip
 
-#: Not a render but a kernel that races on purpose, which the check must find.
-RACE = "race"
-RACING = "__kernel void racing(__global uint* x) { x[0] = (uint)get_global_id(0); }"
+#: Not renders but kernels: one that races on purpose, which the check must find, and one that reads
+#: what was filled, which is initialised.
+RACE, FILLED = "race", "filled"
+KERNELS = {
+    RACE: "x[0] = (float)get_global_id(0);",
+    FILLED: "if (x[get_global_id(0)] > 0.0f) x[get_global_id(0)] = 1.0f;",
+}
 
 Report = dict[str, Any]
 
@@ -181,16 +185,19 @@ def render_case(name: str) -> Report:
     }
 
 
-def race() -> Report:
-    """Run the kernel that races."""
+def run_kernel(name: str) -> Report:
+    """Run a kernel of KERNELS over a buffer that was filled."""
     (platform,) = [p for p in cl.get_platforms() if p.name == PLATFORM]
     context = cl.Context(platform.get_devices())
     queue = cl.CommandQueue(context)
-    buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4)
-    cl.Program(context, RACING).build().racing(queue, (64,), (64,), buffer)
+    buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, 256)
+    cl.enqueue_fill_buffer(queue, buffer, np.zeros(1, np.float32), 0, 256)
+    text = f"__kernel void {name}(__global float* x) {{ {KERNELS[name]} }}"
+    cl.Kernel(cl.Program(context, text).build(), name)(queue, (64,), (64,), buffer)
     queue.finish()
     return {}
 
 
 if __name__ == "__main__":
-    print(json.dumps(race() if sys.argv[1] == RACE else render_case(sys.argv[1])))
+    wanted = sys.argv[1]
+    print(json.dumps(run_kernel(wanted) if wanted in KERNELS else render_case(wanted)))
