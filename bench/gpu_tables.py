@@ -1,11 +1,13 @@
-"""Tables of docs/gpu.md: bench/results/gpu_check."""
+"""Tables of docs/gpu.md: bench/results/gpu_check and oclgrind_check."""
 
 from __future__ import annotations
 
 from gpu_check import SHADE_REGISTERS, TRAVERSAL_STACK
+from oclgrind_render import CASES
 from tables import Results, load, table
 
 RESULTS = "gpu_check/results.json"
+SIMULATED = "oclgrind_check/results.json"
 
 
 def circumstances() -> str:
@@ -55,4 +57,45 @@ def bars() -> str:
     )
 
 
-TABLES = {"gpu-circumstances": circumstances, "gpu-bars": bars, "gpu-kernels": kernels}
+def simulated_circumstances() -> str:
+    """Date, commit and command."""
+    found = load(SIMULATED)
+    return (
+        f"{found['date']}, commit {found.get('git', 'unknown')}, {found['size']} pixels, "
+        f"{found['spp']} samples a pixel:\n\n    {found['command']}"
+    )
+
+
+def simulated() -> str:
+    """A case a row."""
+    rows = []
+    for report in load(SIMULATED)["reports"]:
+        rows.append(
+            [
+                report["case"],
+                CASES[report["case"]][0],
+                str(len(report["stages"])),
+                f"{report['hits']:.2f}",
+                f"{report['mean'] / report['mean_elsewhere'] - 1.0:+.1e}",
+                "; ".join(report["found"]) or "nothing",
+            ]
+        )
+    return table(
+        ["case", "scene", "kernels", "hits a path", "mean against the other device", "found"], rows
+    )
+
+
+def never_simulated() -> str:
+    """The values of the compile matrix that no case has."""
+    missing = load(SIMULATED)["never"]
+    return "; ".join(f"{field}: {', '.join(values)}" for field, values in missing.items()) + "."
+
+
+TABLES = {
+    "gpu-circumstances": circumstances,
+    "gpu-bars": bars,
+    "gpu-kernels": kernels,
+    "oclgrind-circumstances": simulated_circumstances,
+    "oclgrind": simulated,
+    "oclgrind-never": never_simulated,
+}

@@ -3,7 +3,7 @@
 #     bash bench/results.sh [KIND...] [--device D] [--quick]
 # Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
 #     intersect 3   stages 1   convergence 13   paper-size 12   features 3   start 1   stability 6   peers 6
-#     paper-spp 25   fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   simulated 40   scattering 10   docs 0
+#     paper-spp 60   fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   simulated 40   scattering 10   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
 # Real grooms, the .hair files of the folder GROOMS, are measured where it is there; out/grooms points
