@@ -13,11 +13,12 @@ from ray_reference import nested, random_walks, strands
 
 from furcl.bvh import embree, needles, trees
 from furcl.bvh.build import build_bvh
-from furcl.bvh.chunk import BUFFERS
+from furcl.bvh.chunk import BUFFERS, ChunkBuilder
 from furcl.bvh.partition import Partition, top_lanes
+from furcl.device.choice import Device
 from furcl.device.layout import BVH_STACK_SIZE
 from furcl.device.memory import Memory
-from furcl.errors import BvhError
+from furcl.errors import BvhError, ResourceError
 from furcl.groom.curves import Curves
 from furcl.oracle.tree_check import check_bvh
 
@@ -127,6 +128,20 @@ def test_is_compact(device, chunk_segments, rng):
     curves = random_walks(rng, 20_000, 11, 0.02, 0.001)
     bvh = build_bvh(Memory(device), curves, chunk_segments=chunk_segments)
     assert bvh.n_bytes / curves.n_segments < 48
+
+
+@pytest.mark.parametrize("share", [0.6, 0.9])
+def test_a_tree_larger_than_the_device_allows_is_refused_at_once(device, share, rng, monkeypatch):
+    """Not when all its chunks are built but for the last."""
+    curves = random_walks(rng, 20_000, 11, 0.02, 0.001)
+    allowed = int(share * build_bvh(Memory(device), curves).memory.bytes["bvh"])
+    built = []
+    plan = ChunkBuilder.plan
+    monkeypatch.setattr(ChunkBuilder, "plan", lambda *a: built.append(a) or plan(*a))
+    monkeypatch.setattr(Device, "max_allocation_bytes", allowed)
+    with pytest.raises(ResourceError, match=r"'bvh' needs \d+ MiB, .* allows \d+ MiB"):
+        build_bvh(Memory(device), curves, point_radii=False, chunk_segments=4_000)
+    assert len(built) == 1
 
 
 @pytest.mark.parametrize("chunk_segments", [ONE_CHUNK, 10_000])
