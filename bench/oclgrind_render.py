@@ -29,10 +29,10 @@ from furcl.scene.tables import Scene
 PLATFORM = "Oclgrind"
 SIZE, SPP, WAVE_SIZE = "4x4", 4, 32
 
-#: Of every case: short paths.
+#: Of every case: short paths. Of grooms: few fibres, and thick, so that a few samples meet some.
 SMALL = (f"render.spp={SPP}", "render.max_depth=3")
-FEW_HAIRS = ("curves.n_strands=12",)
-THICK_FUR = ("curves.n_strands=20", "curves.radius=0.05")
+FEW_HAIRS = ("curves.n_strands=12", "curves.radius=0.03")
+THICK_FUR = ("curves.n_strands=40", "curves.radius=0.05")
 TETRAHEDRON = """\
 v 0 0 1
 v 1 0 -0.4
