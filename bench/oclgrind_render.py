@@ -72,13 +72,15 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "multiscale": ("white_hair", (*FEW_HAIRS, "fibre.mode=multiscale")),
     "grooms": (
         "two_grooms",
-        ("groom.scalp.curves.n_strands=12", "groom.streaks.curves.n_strands=6",
-         "groom.streaks.curves.n_clumps=2"),
+        ("groom.scalp.curves.n_strands=12", "groom.scalp.curves.radius=0.03",
+         "groom.streaks.curves.n_strands=6", "groom.streaks.curves.n_clumps=2",
+         "groom.streaks.curves.radius=0.03"),
     ),
     "lamps": ("lamps", FEW_HAIRS),
     "motion": (
         "motion",
-        ("groom.rolling.curves.n_strands=20", "groom.standing.curves.n_strands=20"),
+        ("groom.rolling.curves.n_strands=20", "groom.rolling.curves.radius=0.05",
+         "groom.standing.curves.n_strands=20", "groom.standing.curves.radius=0.05"),
     ),
     "mesh": (
         "portrait",
