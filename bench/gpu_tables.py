@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpu_check import SHADE_REGISTERS, TRAVERSAL_STACK
-from oclgrind_render import CASES
+from small_render import CASES
 from tables import Results, load, table
 
 RESULTS = "gpu_check/results.json"

@@ -23,12 +23,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from oclgrind_render import CASES, FILLED, RACE, SIZE, SPP, Report
+from small_render import CASES, FILLED, RACE, SIZE, SPP, Report
 
 from furcl.bench.record import write_json
 from furcl.bench.variants import VALUES
 from furcl.version import software
 
+PLATFORM = "Oclgrind"
 TIMEOUT_S = 1200.0
 #: Pictures of the same samples differ where rounding sends a path another way.
 MOST_DIFFERENCE = 0.01
@@ -77,7 +78,7 @@ def run(case: str, tools: Path, uninitialised: bool = False) -> Report:
         log = Path(temporary) / "log.txt"
         try:
             ended = subprocess.run(
-                [sys.executable, str(Path(__file__).with_name("oclgrind_render.py")), case],
+                [sys.executable, str(Path(__file__).with_name("small_render.py")), case, PLATFORM],
                 env=environment(tools, Path(temporary), log, uninitialised),
                 capture_output=True,
                 text=True,

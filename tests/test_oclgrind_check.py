@@ -10,7 +10,7 @@ if not (Path(__file__).parents[1] / "bench").is_dir():
     pytest.skip("bench/ is not in a source distribution", allow_module_level=True)
 
 import oclgrind_check
-import oclgrind_render
+import small_render
 
 from furcl.bench.variants import VALUES
 from furcl.scene.read import load_scene
@@ -74,13 +74,13 @@ def test_which_pictures_are_wrong(changes, right):
     assert (oclgrind_check.wrong_picture(report) == []) == right
 
 
-@pytest.mark.parametrize("case", oclgrind_render.CASES)
+@pytest.mark.parametrize("case", small_render.CASES)
 def test_every_case_is_a_scene(case, tmp_path):
-    (tmp_path / "tetrahedron.obj").write_text(oclgrind_render.TETRAHEDRON)
-    scene, settings = oclgrind_render.CASES[case]
+    (tmp_path / "tetrahedron.obj").write_text(small_render.TETRAHEDRON)
+    scene, settings = small_render.CASES[case]
     overrides = [text.replace("FOLDER", str(tmp_path)) for text in settings]
-    read = load_scene(scene, overrides=[*overrides, *oclgrind_render.SMALL])
-    assert read.render.spp == oclgrind_render.SPP
+    read = load_scene(scene, overrides=[*overrides, *small_render.SMALL])
+    assert read.render.spp == small_render.SPP
     assert read.build_grooms().curves.n_strands <= 100
 
 

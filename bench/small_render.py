@@ -1,8 +1,10 @@
-"""A small render on oclgrind, a simulated GPU, for bench/oclgrind_check.py, which starts this in a
-process where the simulator is a platform: python bench/oclgrind_render.py CASE
+"""A small render by a platform that takes its time, beside the same on another device:
 
-Prints, as a line of JSON, what the render was made of and its mean beside that of the same samples
-on another device.
+python bench/small_render.py CASE PLATFORM
+
+Tables, such as those of attenuations, are made by the other device. Prints, as a line of JSON, what
+was rendered and both means. bench/oclgrind_check.py starts this in processes where oclgrind, a
+simulated GPU, is a platform.
 """
 
 from __future__ import annotations
@@ -26,7 +28,6 @@ from furcl.rendering.wavefront import stage_files
 from furcl.scene.read import load_scene
 from furcl.scene.tables import Scene
 
-PLATFORM = "Oclgrind"
 SIZE, SPP, WAVE_SIZE = "4x4", 4, 32
 
 #: Of every case: short paths. Of grooms: few fibres, and thick, so that a few samples meet some.
@@ -107,7 +108,7 @@ Report = dict[str, Any]
 
 
 class _InTurn:
-    """A pool that does its work at once: the simulator takes the commands of one thread alone."""
+    """A pool that does its work at once: oclgrind takes the commands of one thread alone."""
 
     def __init__(self, max_workers: int) -> None:
         del max_workers
@@ -137,12 +138,12 @@ class _MadeElsewhere:
         return getattr(self._memory, name)
 
 
-def _devices() -> tuple[Device, Device]:
-    """The simulator, and the first of the others."""
+def _devices(platform: str) -> tuple[Device, Device]:
+    """The device of the platform, and the first of the others."""
     candidates = list_candidates()
-    (simulator,) = [c for c in candidates if c.runtime == PLATFORM]
-    other = next(c for c in candidates if c.runtime != PLATFORM)
-    return open_candidate(simulator), open_candidate(other)
+    (of_platform,) = [c for c in candidates if c.runtime == platform]
+    other = next(c for c in candidates if c.runtime != platform)
+    return open_candidate(of_platform), open_candidate(other)
 
 
 def _values(scene: Scene, renderer: Renderer) -> dict[str, list[str]]:
@@ -158,9 +159,9 @@ def _values(scene: Scene, renderer: Renderer) -> dict[str, list[str]]:
     return {field: sorted(had) for field, had in values.items()}
 
 
-def render_case(name: str) -> Report:
-    """Render a case on the simulator, its tables made by another device, and then on that."""
-    simulator, other = _devices()
+def render_case(name: str, platform: str) -> Report:
+    """Render a case on a platform, its tables made by another device, and then on that."""
+    device, other = _devices(platform)
     build_material = setup.build_material
     setup.ThreadPoolExecutor = _InTurn  # pyright: ignore[reportAttributeAccessIssue]
     setup.build_material = lambda memory, *rest, **named: build_material(
@@ -173,7 +174,7 @@ def render_case(name: str) -> Report:
         (Path(folder) / "tetrahedron.obj").write_text(TETRAHEDRON)
         overrides = [setting.replace("FOLDER", folder) for setting in (*settings, *SMALL)]
         scene = load_scene(of, overrides=overrides, size=SIZE)
-        renderer = Renderer(scene, simulator, wave_size=WAVE_SIZE)
+        renderer = Renderer(scene, device, wave_size=WAVE_SIZE)
         renderer.advance(SPP)
         image = renderer.image()
         there = Renderer(scene, other, wave_size=WAVE_SIZE)
@@ -187,10 +188,10 @@ def render_case(name: str) -> Report:
     }
 
 
-def run_kernel(name: str) -> Report:
+def run_kernel(name: str, platform: str) -> Report:
     """Run a kernel of KERNELS over a buffer that was filled."""
-    (platform,) = [p for p in cl.get_platforms() if p.name == PLATFORM]
-    context = cl.Context(platform.get_devices())
+    (found,) = [p for p in cl.get_platforms() if p.name == platform]
+    context = cl.Context(found.get_devices())
     queue = cl.CommandQueue(context)
     buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE, 256)
     cl.enqueue_fill_buffer(queue, buffer, np.zeros(1, np.float32), 0, 256)
@@ -201,5 +202,6 @@ def run_kernel(name: str) -> Report:
 
 
 if __name__ == "__main__":
-    wanted = sys.argv[1]
-    print(json.dumps(run_kernel(wanted) if wanted in KERNELS else render_case(wanted)))
+    wanted, where = sys.argv[1:]
+    work = run_kernel if wanted in KERNELS else render_case
+    print(json.dumps(work(wanted, where)))
