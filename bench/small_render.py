@@ -32,8 +32,8 @@ SIZE, SPP, WAVE_SIZE = "4x4", 4, 32
 
 #: Of every case: short paths. Of grooms: few fibres, and thick, so that a few samples meet some.
 SMALL = (f"render.spp={SPP}", "render.max_depth=3")
-FEW_HAIRS = ("curves.n_strands=12", "curves.radius=0.03")
-THICK_FUR = ("curves.n_strands=40", "curves.radius=0.05")
+FEW_HAIRS = ("curves.n_strands=12", "curves.radius=0.12")
+THICK_FUR = ("curves.n_strands=40", "curves.radius=0.15")
 TETRAHEDRON = """\
 v 0 0 1
 v 1 0 -0.4
@@ -73,15 +73,15 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     "multiscale": ("white_hair", (*FEW_HAIRS, "fibre.mode=multiscale")),
     "grooms": (
         "two_grooms",
-        ("groom.scalp.curves.n_strands=12", "groom.scalp.curves.radius=0.03",
+        ("groom.scalp.curves.n_strands=12", "groom.scalp.curves.radius=0.12",
          "groom.streaks.curves.n_strands=6", "groom.streaks.curves.n_clumps=2",
-         "groom.streaks.curves.radius=0.03"),
+         "groom.streaks.curves.radius=0.12"),
     ),
     "lamps": ("lamps", FEW_HAIRS),
     "motion": (
         "motion",
-        ("groom.rolling.curves.n_strands=20", "groom.rolling.curves.radius=0.05",
-         "groom.standing.curves.n_strands=20", "groom.standing.curves.radius=0.05"),
+        ("groom.rolling.curves.n_strands=20", "groom.rolling.curves.radius=0.15",
+         "groom.standing.curves.n_strands=20", "groom.standing.curves.radius=0.15"),
     ),
     "mesh": (
         "portrait",
