@@ -11,7 +11,8 @@ command -v apt-get >/dev/null && command -v dpkg >/dev/null || {
 }
 mkdir -p "$folder/debs"
 cd "$folder/debs"
-apt-get download -qq oclgrind liboclgrind-21.10 libclang-cpp14 libllvm14 libedit2 libz3-4 libxml2 libicu72 libreadline8
+apt-get download -qq oclgrind liboclgrind-21.10 libclang-cpp14 libllvm14 \
+    libedit2 libz3-4 libxml2 libicu72 libreadline8 libbsd0 libmd0 libffi8 libtinfo6
 for package in *.deb; do dpkg -x "$package" ..; done
 cd ..
 rm -r debs
