@@ -1,10 +1,12 @@
-"""Tables of docs/performance.md about whole renders: bench/results/stages, peers, start, features
-and medulla_tables.json.
+"""Tables of docs/performance.md about whole renders: bench/results/stages, peers, peer_causes,
+start, features and medulla_tables.json.
 """
 
 from __future__ import annotations
 
 from tables import circumstances, driver, load, runs, table
+
+CAUSES = "peer_causes/results.json"
 
 
 def end_to_end() -> str:
@@ -69,6 +71,26 @@ def number_in(interval: list[float]) -> str:
     """A ratio with its interval."""
     ratio, low, high = interval
     return f"{ratio:.3g} [{low:.3g}, {high:.3g}]"
+
+
+def peer_causes() -> str:
+    """A scene a row, changed as it says; the mean radiance of others over furcl's."""
+    columns = {
+        ("mitsuba-llvm", ""): "Mitsuba",
+        ("mitsuba-llvm", "fibre"): "Mitsuba, the other tilt",
+        ("cycles", ""): "Cycles",
+        ("furcl", "mode"): "furcl, near field",
+    }
+    cells: dict[str, dict[str, str]] = {}
+    for row in load(CAUSES)["rows"]:
+        column = columns[row["renderer"], "".join(row["changes"])]
+        cells.setdefault(row["case"], {})[column] = (
+            f"{row['over_furcl']:.3f} +- {row['standard_error']:.3f}"
+        )
+    names = list(columns.values())
+    return table(
+        ["scene", *names], [[case, *(of.get(n, "") for n in names)] for case, of in cells.items()]
+    )
 
 
 def start() -> str:
@@ -145,6 +167,8 @@ TABLES = {
     "stages": stages,
     "peers-circumstances": lambda: circumstances(*runs("peers")),
     "peers": peers,
+    "peer-causes-circumstances": lambda: circumstances(load(CAUSES)),
+    "peer-causes": peer_causes,
     "profiles-circumstances": lambda: circumstances(load("medulla_tables.json")),
     "profiles": profiles,
 }
