@@ -10,14 +10,18 @@ RESULTS = "gpu_check/results.json"
 SIMULATED = "oclgrind_check/results.json"
 
 
+def of_run(found: Results, what: str) -> str:
+    """Date, commit, what was taken, and command."""
+    return (
+        f"{found['date']}, commit {found.get('git', 'unknown')}, {what}:\n\n    {found['command']}"
+    )
+
+
 def circumstances() -> str:
-    """Tools, date, commit and command."""
+    """Tools and run of bench/gpu_check.py."""
     found = load(RESULTS)
     tools = ", ".join(f"{name} {version}" for name, version in found["tools"].items())
-    return (
-        f"{tools}, {found['date']}, commit {found.get('git', 'unknown')}, {found['variants']} "
-        f"variants:\n\n    {found['command']}"
-    )
+    return f"{tools}, " + of_run(found, f"{found['variants']} variants")
 
 
 def cell(use: Results) -> str:
@@ -58,12 +62,9 @@ def bars() -> str:
 
 
 def simulated_circumstances() -> str:
-    """Date, commit and command."""
+    """Run of bench/oclgrind_check.py."""
     found = load(SIMULATED)
-    return (
-        f"{found['date']}, commit {found.get('git', 'unknown')}, {found['size']} pixels, "
-        f"{found['spp']} samples a pixel:\n\n    {found['command']}"
-    )
+    return of_run(found, f"{found['size']} pixels, {found['spp']} samples a pixel")
 
 
 def simulated() -> str:

@@ -96,11 +96,12 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
     },
 }  # fmt: skip
 
-#: Not renders but kernels: one that races on purpose, which the check must find, and one that reads
-#: what was filled, which is initialised.
-RACE, FILLED = "race", "filled"
+#: Not renders but kernels: one that races and one that writes beyond its buffer, on purpose, and
+#: one that reads what was filled, which is initialised.
+RACE, BEYOND, FILLED = "race", "beyond", "filled"
 KERNELS = {
     RACE: "x[0] = (float)get_global_id(0);",
+    BEYOND: "x[get_global_id(0) + 1] = 1.0f;",
     FILLED: "if (x[get_global_id(0)] > 0.0f) x[get_global_id(0)] = 1.0f;",
 }
 
@@ -189,7 +190,7 @@ def render_case(name: str, platform: str) -> Report:
 
 
 def run_kernel(name: str, platform: str) -> Report:
-    """Run a kernel of KERNELS over a buffer that was filled."""
+    """Run a kernel of KERNELS over a buffer of as many values as items, which was filled."""
     (found,) = [p for p in cl.get_platforms() if p.name == platform]
     context = cl.Context(found.get_devices())
     queue = cl.CommandQueue(context)

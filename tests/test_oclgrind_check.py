@@ -15,7 +15,7 @@ import small_render
 from furcl.bench.variants import VALUES
 from furcl.scene.read import load_scene
 
-# As oclgrind 21.10 says it of a kernel that races, twice, and of one that reads beyond its buffer.
+# As oclgrind 21.10 says it of a kernel that races, twice, and of one that writes beyond its buffer.
 RACE = """
 Write-write data race at global memory address 0x1000000000000
     Kernel: racing
@@ -34,12 +34,13 @@ Write-write data race at global memory address 0x1000000000000
 
 """
 BEYOND = """
-Invalid read of size 4 at global memory address 0x2000000000040
+Invalid write of size 4 at global memory address 0x1000000000100
     Kernel: beyond
-    Entity: Global(3,0,0) Local(3,0,0) Group(0,0,0)
-      %2 = load i32, i32 addrspace(1)* %1, align 4, !dbg !21
+    Entity: Global(63,0,0) Local(63,0,0) Group(0,0,0)
+      store float 1.000000e+00, float addrspace(1)* %arrayidx, align 4, !dbg !26
     At line 7 (column 12) of core/cdf.clh:
       (source not available)
+    \
 
 """
 
@@ -53,7 +54,7 @@ def test_what_a_log_tells():
             "At line 1 (column 47) of input.cl"
         ),
         (
-            "beyond: Invalid read of size 4 at global memory address ..., "
+            "beyond: Invalid write of size 4 at global memory address ..., "
             "At line 7 (column 12) of core/cdf.clh"
         ),
     ]
