@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from tables import circumstances, driver, load, runs, table
 
+LARGE = "start_large/results.json"
 CAUSES = "peer_causes/results.json"
 
 
@@ -115,6 +116,27 @@ def start() -> str:
     return table([*columns, "largest variant, s to compile"], rows)
 
 
+def start_large() -> str:
+    """Seconds and memory [MB] of each stage between the file of a large groom and a sample."""
+    found = load(LARGE)
+    rows = []
+    for suffix, file in found["files"].items():
+        stages = file["stages"]
+        cells = [f"{stages['before']['end_bytes'] / 1e6:.0f}"]
+        for name in ("read", "set up", "first sample"):
+            cells += [f"{stages[name]['seconds']:.1f}", f"{stages[name]['peak_bytes'] / 1e6:.0f}"]
+        read, before = (stages[name]["children_peak_bytes"] for name in ("read", "before"))
+        cells[2] += f" and {read / 1e6:.0f}" if read > before else ""
+        parts = stages["set up"]["parts"]
+        cells[3] += f" ({', '.join(f'{name} {seconds:.1f}' for name, seconds in parts.items())})"
+        device = stages["set up"]
+        cells += [f"{device['bytes'] / 1e6:.0f}", f"{device['device_peak_bytes'] / 1e6:.0f}"]
+        rows.append([f".{suffix}", f"{file['bytes'] / 1e6:.0f}", *cells])
+    columns = ["file", "MB", "before, MB", "read, s", "MB", "set up, s (parts)", "MB"]
+    columns += ["first sample, s", "MB", "device", "device, at most"]
+    return table(columns, rows)
+
+
 def features() -> str:
     """What the specialised build buys over the one with everything on."""
     rows = []
@@ -160,6 +182,8 @@ def profiles() -> str:
 TABLES = {
     "start-circumstances": lambda: circumstances(*runs("start")),
     "start": start,
+    "start-large-circumstances": lambda: circumstances(load(LARGE)),
+    "start-large": start_large,
     "features-circumstances": lambda: circumstances(*runs("features")),
     "features": features,
     "stages-circumstances": lambda: circumstances(*runs("stages")),
