@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tables import Results, circumstances, driver, runs, table
+from launch_sizes import SIZES
+from tables import Results, circumstances, driver, load, runs, table
 
+LAUNCHES = "launch_sizes.json"
 KINDS = ("primary", "bounce1", "bounce4", "shadow")
 KIND_NAMES = ("primary", "bounce 1", "bounce 4, shuffled", "shadow")
 
@@ -62,7 +64,21 @@ def builds() -> str:
     return table(columns, (build(r) for r in found() if ":" in r["groom"]))
 
 
+def launch_sizes() -> str:
+    """Rays a second of launches of each size over those of the largest."""
+    results = load(LAUNCHES)
+    columns = ["groom", "rays", *(f"{size >> 10} k" for size in SIZES), "all, million rays/s"]
+    rows = []
+    for row in results["rows"]:
+        of_size = dict(zip(row["sizes"], row["over_largest"], strict=True))
+        cells = [f"{of_size[size]:.2f}" if size in of_size else "" for size in SIZES]
+        rows.append([row["groom"], row["kind"], *cells, f"{row['mrays_s'][-1]:.1f}"])
+    return table(columns, rows)
+
+
 TABLES = {
+    "launch-sizes": launch_sizes,
+    "launch-sizes-circumstances": lambda: circumstances(load(LAUNCHES)),
     "rays": rays,
     "rays-circumstances": lambda: circumstances(*found()),
     "builds": builds,

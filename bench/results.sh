@@ -2,7 +2,7 @@
 # The runs behind docs/: all kinds, or those named, one after the other on a quiet machine.
 #     bash bench/results.sh [KIND...] [--device D] [--quick]
 # Minutes on two cores; every run says how long it took, and times.txt beside the results keeps it:
-#     intersect 3   stages 1   convergence 13   paper-size 12   features 3   start 1   start_large 4   stability 6   peers 6
+#     intersect 3   launch_sizes 2   stages 1   convergence 13   paper-size 12   features 3   start 1   start_large 4   stability 6   peers 6
 #     paper-spp 60   fibre_truth 3   medulla_tables 2   overhead 5   unbiased 20   stragglers 1   simulated 40   scattering 10   docs 0
 # A convergence run that was stopped goes on where it stopped. `docs` writes the tables of docs/ from
 # the results and comes last. --quick tries the script: tiny sizes, into out/results, no docs.
@@ -12,7 +12,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=${BIN:-.venv/bin}
 real_grooms=${GROOMS:-../shared/data/hair}
-all="intersect stages convergence paper-size paper-spp features start start_large stability peers fibre_truth medulla_tables overhead unbiased stragglers simulated scattering docs"
+all="intersect stages convergence paper-size paper-spp features launch_sizes start start_large stability peers fibre_truth medulla_tables overhead unbiased stragglers simulated scattering docs"
 device=portable quick= out=bench/results kinds=
 
 refuse() { echo "results.sh: $1" >&2 && exit 2; }
@@ -115,6 +115,10 @@ features() { # what leaving out buys
     run features scenes $(pick "black_hair white_hair raccoon red_fox single_fibre furnace" single_fibre) $size
     run features black-hair-grey $(pick black_hair single_fibre) $size \
         --set fibre.kappa=0 --set 'environment={kind="constant"}'
+}
+
+launch_sizes() { # rays a second of small launches
+    script launch_sizes $(pick "" "hair:10000 --rounds 1") -o "$out/launch_sizes.json"
 }
 
 start() { # time to first samples
