@@ -34,3 +34,12 @@ def test_a_failed_run_says_what_it_printed(device, tmp_path):
     with pytest.raises(FurclError, match="no-such-scene"):
         bench.run(tmp_path / "no-such-scene.toml", tmp_path, device=device.name)
     assert not (tmp_path / "results.json").exists()
+
+
+def test_compiled_modules_are_kept_between_runs_whatever_the_environment_says(
+    monkeypatch, tmp_path
+):
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    modules = tmp_path / "modules"
+    bench._import_seconds(bench._environment(tmp_path / "caches", modules))
+    assert [*modules.rglob("furcl/__init__.*.pyc")]

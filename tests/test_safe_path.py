@@ -36,7 +36,9 @@ def test_bench_start(ran, device, tmp_path):
     """Its renders, and what it imports; the variants that it compiles are in the slow tests."""
     with pytest.raises(FurclError, match="no-such-scene"):
         start.run(tmp_path / "no-such-scene.toml", tmp_path, device=device.name)
-    assert start._import_seconds(start._environment(tmp_path / "caches")) > 0.0
+    assert (
+        start._import_seconds(start._environment(tmp_path / "caches", tmp_path / "modules")) > 0.0
+    )
     assert not ran.exists()
 
 

@@ -44,8 +44,9 @@ def run(
     """Time `furcl render` in processes of their own. Writes results.json to `out`.
 
     The first run finds the caches of furcl and of the OpenCL runtime empty: it tests the device,
-    simulates the medulla and compiles all kernels. The others find what it left. Python's own
-    compiled modules are there for all runs.
+    simulates the medulla and compiles all kernels. The others find what it left. Python's compiled
+    modules, which an installation makes, are there for all: a run before the first, with caches of
+    its own, compiles them, whatever PYTHONDONTWRITEBYTECODE says.
 
     Returns
     -------
@@ -62,12 +63,14 @@ def run(
     extra = [word for value in overrides for word in ("--set", value)]
     arguments = ["--size", size, "--spp", "1", *extra, *(["--device", device] if device else [])]
     with tempfile.TemporaryDirectory() as folder:
-        environment = _environment(Path(folder) / "caches")
+        modules = Path(folder) / "modules"
+        environment = _environment(Path(folder) / "caches", modules)
         command = python_command("-m", "furcl", "-v", "render", os.fspath(scene), *arguments)
+        _time(command, Path(folder), _environment(Path(folder) / "first caches", modules))
         runs = [_time(command, Path(folder), environment) for _ in range(1 + warm_runs)]
         largest = _print_of(
             python_command("-c", _COMPILE_EVERYTHING, os.fspath(scene), device or ""),
-            _environment(Path(folder) / "other caches"),
+            _environment(Path(folder) / "other caches", modules),
         )
         imports = [_import_seconds(environment) for _ in range(warm_runs)]
     results = {
@@ -84,15 +87,17 @@ def run(
     return results
 
 
-def _environment(caches: Path) -> dict[str, str]:
-    """This process's environment with empty caches, and this very furcl."""
+def _environment(caches: Path, modules: Path) -> dict[str, str]:
+    """This process's environment with empty caches, Python's compiled modules in a folder, and this
+    very furcl."""
     folders = {}
     for name in _CACHES:
         (caches / name).mkdir(parents=True)
         folders[name] = str(caches / name)
     here = str(Path(__file__).parents[2])
     path = os.pathsep.join(filter(None, (here, os.environ.get("PYTHONPATH", ""))))
-    return {**os.environ, **folders, "PYTHONPATH": path}
+    inherited = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    return {**inherited, **folders, "PYTHONPYCACHEPREFIX": str(modules), "PYTHONPATH": path}
 
 
 def _time(command: list[str], folder: Path, environment: dict[str, str]) -> dict[str, Any]:
