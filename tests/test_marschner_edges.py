@@ -72,16 +72,16 @@ def test_wrong_values_beside_caustics_are_seen(device, rng, monkeypatch, pattern
 
 
 def test_glints_fade_by_the_index(device):
-    """eta' - 2 as a difference made 6e-5 of a fade over 0.01; measured 1e-6."""
+    """eta' - 2 as a difference made 6e-5 of a fade over 0.01, a sine from the cosine 1.5e-5;
+    measured 1.1e-6."""
     fibre = MarschnerFibre(eta=2.0, glint=5.0, caustic_fade=0.01, caustic_limit=0.6, beta_deg=17.5)
-    cosine = np.cos(np.linspace(0.0, 0.12, 2000)).astype(np.float32).astype(np.float64)
-    theta = np.arccos(cosine)
+    theta = np.linspace(0.0, 0.12, 4000)
     probe = SUBJECT.probe(fibre, device, specialised=False)
     fade = azimuth.caustic(fibre, theta).fade
     assert fade.max() > 0.99
     assert fade.min() < 0.01
     expected = azimuth.caustic(fibre, theta).energy + azimuth.binned(fibre, "TRT", theta)[0]
-    np.testing.assert_allclose(probe.attenuation(0.0, theta)[TRT], expected, rtol=1e-5)
+    np.testing.assert_allclose(probe.attenuation(0.0, theta)[TRT], expected, rtol=5e-6)
 
 
 def test_bins_of_tt_at_the_rim(device, rng):
