@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from furcl.bench import stability, stability_subjects
+from furcl.bench.stability_compare import BARS, Comparison
 from furcl.cli.bench import app
 from furcl.errors import BenchError
 from furcl.report.pages import write_pages
+from furcl.report.stability import write_report
 
 RESULTS = Path(__file__).parents[1] / "bench" / "results"
 
@@ -71,3 +74,22 @@ def test_damaged_results_are_an_error(tmp_path, text):
     (tmp_path / "results.json").write_text(text)
     with pytest.raises(BenchError, match=r"results\.json: cannot be read"):
         write_pages(tmp_path)
+
+
+@pytest.mark.parametrize("model", stability_subjects.names())
+def test_every_parameter_of_a_model_is_on_its_page(tmp_path, monkeypatch, model):
+    """Numbers, colours, switches and text: all that the grid of a sweep moves to its edges."""
+
+    def nothing_found(self, *_, **__):
+        for quantity in BARS:
+            self.row(quantity, "R")
+
+    monkeypatch.setattr(Comparison, "add", nothing_found)
+    monkeypatch.setattr(stability, "OWN_ROWS", {})
+    subject = stability_subjects.find(model)
+    stability.run(tmp_path, n_points=1, renders=False, subject=subject)
+    page = write_report(tmp_path).read_text()
+    for name, value, _ in subject.grid():
+        assert f"<!-- {name} -->" in page
+        if isinstance(value, str | bool):
+            assert f"<!-- {value} -->" in page

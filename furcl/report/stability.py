@@ -69,5 +69,8 @@ def _draw(parameters: list[Mapping[str, Any]]) -> str:
     return svg[svg.index("<svg") :]
 
 
-def _label(value: float | list[float]) -> str:
-    return "rgb" if isinstance(value, list) else f"{value:.7g}"
+def _label(value: float | str | bool | list[float]) -> str:
+    """A parameter's value as a tick: all colours as one, numbers shortened, the rest as it is."""
+    if isinstance(value, list):
+        return "rgb"
+    return str(value) if isinstance(value, str | bool) else f"{value:.7g}"
