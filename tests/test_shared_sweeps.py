@@ -57,7 +57,8 @@ def _without_times(renders: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cache of its own: no test finds the references of another."""
+    """A cache of its own: no test finds the references of another. Workers that are started anew
+    have it too; sweeps, which need simulated medullae, come before them."""
     monkeypatch.setenv("FURCL_CACHE_DIR", str(tmp_path / "cache"))
 
 
@@ -90,6 +91,112 @@ def _check_same(found: dict[str, Any], alone: tuple[Path, dict[str, Any]]) -> No
             assert a[key] == b[key]
     assert found["device"] == expected["device"]
     assert found.keys() - {"workers"} == expected.keys()
+
+
+# Stability --------------------------------------------------------------------------------------
+
+
+OPTIONS: dict[str, Any] = {
+    "quick": True, "n_points": 26_000, "n_compared": 6_000, "renders": False, "seed": 4,
+    "subject": CHIANG_SUBJECT,
+}  # fmt: skip
+OF_A_RUN = {"command", "date", "git", "version", "workers"}
+
+
+@pytest.mark.slow
+def test_workers_sweep_as_one_device_does(cluster, device, tmp_path):
+    said: list[tuple[str, int, int]] = []
+    one = stability.run(tmp_path / "one", device=device, **OPTIONS)
+    shared = stability.run(
+        tmp_path / "shared", device=spec_of(device), client=cluster,
+        progress=lambda *step: said.append(step), **OPTIONS,
+    )  # fmt: skip
+    assert shared["workers"] == 2
+    assert json.loads((tmp_path / "shared" / "results.json").read_text())["workers"] == 2
+    assert "2 workers" in write_stability(tmp_path / "shared").read_text()
+    for key in one.keys() | shared.keys():
+        if key not in OF_A_RUN:
+            assert one[key] == shared[key], key
+    assert [step for step in said if step[0] == LOOKED_AT] == [(LOOKED_AT, 1, 2), (LOOKED_AT, 2, 2)]
+    assert len(one["rows"]) > 20
+    assert len(one["parameters"]) == -(-len(list(CHIANG_SUBJECT.grid())) // 3)
+
+
+@pytest.mark.slow
+def test_stiff_scenes_are_shared_too(cluster, device, tmp_path, monkeypatch):
+    """All steps but one fibre of a kind and the scenes are left out."""
+    monkeypatch.setattr(Sweep, "steps_apart", _few(Sweep.steps_apart))
+    monkeypatch.setattr(Sweep, "steps", _few(Sweep.steps))
+    found = [
+        stability.run(
+            tmp_path / str(client is None), device=chosen, client=client, quick=True, n_points=2000
+        )
+        for client, chosen in ((cluster, spec_of(device)), (None, device))
+    ]
+    for results in found:
+        assert {row.pop("seconds") > 0.0 for row in results["renders"]} == {True}
+    assert found[0]["renders"] == found[1]["renders"]
+    assert len(found[0]["renders"]) == 2
+    assert found[0]["rows"] == found[1]["rows"]
+
+
+def _few(real: Any) -> Any:
+    """Of the steps of a sweep one fibre that is compared, the reference, and two scenes."""
+
+    def steps(self: Sweep, seed: int) -> Any:
+        kept = {(COMPARED, 0), ("integrals", 3), ("renders", 2), ("renders", 3)}
+        numbers = iter(range(len(kept)))
+        for step in real(self, seed):
+            if (step.part, step.number) in kept:
+                yield replace(step, index=next(numbers))
+            elif real.__name__ == "steps" and step.rng is not None:
+                step.draw(self)
+
+    return (lambda self, seed: list(steps(self, seed))) if real.__name__ != "steps" else steps
+
+
+@pytest.mark.slow
+def test_a_lost_worker_costs_a_sweep_nothing(cluster, device, tmp_path):
+    cluster.wait_for_workers(2, timeout=60)
+    kill = Kill(cluster, 1)
+    options = {**OPTIONS, "n_points": 4000, "n_compared": 4000}
+    one = stability.run(tmp_path / "one", device=device, **options)
+    shared = stability.run(
+        tmp_path / "shared", device=spec_of(device), client=cluster,
+        progress=lambda _, *done: kill.when(*done), **options,
+    )  # fmt: skip
+    assert len(kill.killed) == 1
+    assert one["rows"] == shared["rows"]
+    assert one["weights"] == shared["weights"]
+    cluster.wait_for_workers(2, timeout=60)
+
+
+def test_steps_apart_are_drawn_as_those_in_turn():
+    sweep = Sweep.of(CHIANG_SUBJECT, True, 4000, 20_000, renders=False)
+    drawn = [step.draw(sweep) for step in sweep.steps(3)]
+    apart = [step.draw(sweep) for step in reversed(sweep.steps_apart(3))]
+    assert len(drawn) == sweep.fibres["grid"] + 2 + 2
+    for (fibre, points), (its, those) in zip(drawn, reversed(apart), strict=True):
+        assert fibre == its
+        assert np.array_equal(points.wi, those.wi)
+    assert drawn[-1][0] != drawn[-2][0]
+
+
+def test_results_are_put_in_their_order():
+    steps = list(Sweep.of(CHIANG_SUBJECT, True, 2000, 0, renders=False).steps_apart(1))[:4]
+    found = [Found() for _ in steps]
+    given: list[int] = []
+
+    def coming() -> Iterator[tuple[Any, Found]]:
+        for index in (1, 0, 3, 2):
+            given.append(index)
+            yield steps[index], found[index]
+
+    seen = []
+    for step, one in in_order(coming()):
+        assert one is found[step.index]
+        seen.append((step.index, len(given)))
+    assert seen == [(0, 2), (1, 2), (2, 4), (3, 4)]
 
 
 # Convergence ------------------------------------------------------------------------------------
@@ -287,112 +394,6 @@ def test_workers_that_share_a_processor_are_told_of(cluster, device, cache, tmp_
     assert ("share the processor of" in caplog.text) == device.is_cpu
 
 
-# Stability --------------------------------------------------------------------------------------
-
-
-OPTIONS: dict[str, Any] = {
-    "quick": True, "n_points": 26_000, "n_compared": 6_000, "renders": False, "seed": 4,
-    "subject": CHIANG_SUBJECT,
-}  # fmt: skip
-OF_A_RUN = {"command", "date", "git", "version", "workers"}
-
-
-@pytest.mark.slow
-def test_workers_sweep_as_one_device_does(cluster, device, tmp_path):
-    said: list[tuple[str, int, int]] = []
-    one = stability.run(tmp_path / "one", device=device, **OPTIONS)
-    shared = stability.run(
-        tmp_path / "shared", device=spec_of(device), client=cluster,
-        progress=lambda *step: said.append(step), **OPTIONS,
-    )  # fmt: skip
-    assert shared["workers"] == 2
-    assert json.loads((tmp_path / "shared" / "results.json").read_text())["workers"] == 2
-    assert "2 workers" in write_stability(tmp_path / "shared").read_text()
-    for key in one.keys() | shared.keys():
-        if key not in OF_A_RUN:
-            assert one[key] == shared[key], key
-    assert [step for step in said if step[0] == LOOKED_AT] == [(LOOKED_AT, 1, 2), (LOOKED_AT, 2, 2)]
-    assert len(one["rows"]) > 20
-    assert len(one["parameters"]) == -(-len(list(CHIANG_SUBJECT.grid())) // 3)
-
-
-@pytest.mark.slow
-def test_stiff_scenes_are_shared_too(cluster, device, tmp_path, monkeypatch):
-    """All steps but one fibre of a kind and the scenes are left out."""
-    monkeypatch.setattr(Sweep, "steps_apart", _few(Sweep.steps_apart))
-    monkeypatch.setattr(Sweep, "steps", _few(Sweep.steps))
-    found = [
-        stability.run(
-            tmp_path / str(client is None), device=chosen, client=client, quick=True, n_points=2000
-        )
-        for client, chosen in ((cluster, spec_of(device)), (None, device))
-    ]
-    for results in found:
-        assert {row.pop("seconds") > 0.0 for row in results["renders"]} == {True}
-    assert found[0]["renders"] == found[1]["renders"]
-    assert len(found[0]["renders"]) == 2
-    assert found[0]["rows"] == found[1]["rows"]
-
-
-def _few(real: Any) -> Any:
-    """Of the steps of a sweep one fibre that is compared, the reference, and two scenes."""
-
-    def steps(self: Sweep, seed: int) -> Any:
-        kept = {(COMPARED, 0), ("integrals", 3), ("renders", 2), ("renders", 3)}
-        numbers = iter(range(len(kept)))
-        for step in real(self, seed):
-            if (step.part, step.number) in kept:
-                yield replace(step, index=next(numbers))
-            elif real.__name__ == "steps" and step.rng is not None:
-                step.draw(self)
-
-    return (lambda self, seed: list(steps(self, seed))) if real.__name__ != "steps" else steps
-
-
-@pytest.mark.slow
-def test_a_lost_worker_costs_a_sweep_nothing(cluster, device, tmp_path):
-    cluster.wait_for_workers(2, timeout=60)
-    kill = Kill(cluster, 1)
-    options = {**OPTIONS, "n_points": 4000, "n_compared": 4000}
-    one = stability.run(tmp_path / "one", device=device, **options)
-    shared = stability.run(
-        tmp_path / "shared", device=spec_of(device), client=cluster,
-        progress=lambda _, *done: kill.when(*done), **options,
-    )  # fmt: skip
-    assert len(kill.killed) == 1
-    assert one["rows"] == shared["rows"]
-    assert one["weights"] == shared["weights"]
-    cluster.wait_for_workers(2, timeout=60)
-
-
-def test_steps_apart_are_drawn_as_those_in_turn():
-    sweep = Sweep.of(CHIANG_SUBJECT, True, 4000, 20_000, renders=False)
-    drawn = [step.draw(sweep) for step in sweep.steps(3)]
-    apart = [step.draw(sweep) for step in reversed(sweep.steps_apart(3))]
-    assert len(drawn) == sweep.fibres["grid"] + 2 + 2
-    for (fibre, points), (its, those) in zip(drawn, reversed(apart), strict=True):
-        assert fibre == its
-        assert np.array_equal(points.wi, those.wi)
-    assert drawn[-1][0] != drawn[-2][0]
-
-
-def test_results_are_put_in_their_order():
-    steps = list(Sweep.of(CHIANG_SUBJECT, True, 2000, 0, renders=False).steps_apart(1))[:4]
-    found = [Found() for _ in steps]
-    given: list[int] = []
-
-    def coming() -> Iterator[tuple[Any, Found]]:
-        for index in (1, 0, 3, 2):
-            given.append(index)
-            yield steps[index], found[index]
-
-    seen = []
-    for step, one in in_order(coming()):
-        assert one is found[step.index]
-        seen.append((step.index, len(given)))
-    assert seen == [(0, 2), (1, 2), (2, 4), (3, 4)]
-
-
 # Tasks ------------------------------------------------------------------------------------------
 
 
@@ -408,7 +409,7 @@ def test_an_end_takes_back_what_is_not_done(cluster, device):
         return len(asked) > 20
 
     shared = Shared(workers, 0.2)
-    assert list(shared.results(_slept, range(200), str, idle=idle)) == []
+    assert len(list(shared.results(_slept, range(200), str, idle=idle))) < 200
     assert len(asked) == 21
     with pytest.raises(KeyboardInterrupt):
         _interrupted(shared)
