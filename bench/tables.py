@@ -46,8 +46,9 @@ def circumstances(*found: Results) -> str:
     commands: dict[str, list[str]] = {}
     for results in found:
         machine = results["machine"]
+        shared = f"{results['workers']} workers with " if "workers" in results else ""
         where = (
-            f"{driver(results)} on {machine['processor']}, {machine['cores']} cores, "
+            f"{shared}{driver(results)} on {machine['processor']}, {machine['cores']} cores, "
             f"{results['date']}, commit {results.get('git', 'unknown')}:"
         )
         commands.setdefault(where, []).append(f"    {results['command']}")

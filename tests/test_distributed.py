@@ -1,8 +1,6 @@
 """Renders that several devices or machines share: the same bits, nothing lost with one of them."""
 
-import os
 import re
-import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -11,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from clusters import Kill, local_cluster, spec_of, workers_of
 from scene_documents import fur_patch
 
 import furcl
@@ -182,7 +181,7 @@ def test_a_stopped_render_has_the_samples_so_far(two):
 def test_several_devices_by_name(device):
     assert [d.name for d in open_devices("all")]
     assert open_devices([device]) == [device]
-    index = str(_index_of(device))
+    index = spec_of(device)
     assert open_devices(index)[0].name == device.name
     with pytest.raises(DeviceError, match="names one device twice"):
         open_devices(f"{index},{index}")
@@ -226,15 +225,11 @@ def test_commas_of_a_description_divide_no_names(text, names):
 
 
 def test_a_whole_description_is_one_device(device):
-    chosen = list_candidates()[int(_index_of(device))]
+    chosen = list_candidates()[int(spec_of(device))]
     assert "," in chosen.description
     assert not names_several(chosen.description)
     assert names_several(f"{chosen.description}, {chosen.description}")
     assert [d.name for d in open_devices(chosen.description)] == [device.name]
-
-
-def _index_of(device: Device) -> int:
-    return next(c.index for c in list_candidates() if c.name == device.name)
 
 
 # A cluster
@@ -251,10 +246,10 @@ def _lit_by_an_image(folder: Path) -> Scene:
 
 
 def test_a_job_carries_the_files_of_its_scene(tmp_path, device):
-    from furcl.distributed.cluster import Job
+    from furcl.distributed.job import Job
 
     scene = with_overrides(_lit_by_an_image(tmp_path), spp=2)
-    job = Job.of(scene, scene.build_grooms(), None, None)
+    job = Job.of(scene, scene.build_grooms())
     whole = furcl.render(scene, device=device)
     (tmp_path / "light.exr").unlink()
     (tmp_path / "worker").mkdir()
@@ -264,13 +259,7 @@ def test_a_job_carries_the_files_of_its_scene(tmp_path, device):
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=":0"
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
+    with local_cluster() as client:
         yield client
 
 
@@ -281,23 +270,14 @@ def test_a_cluster_gives_the_same_bits_and_a_lost_worker_costs_nothing(
     from furcl.distributed import render
 
     scene = _scene(**KINDS["even"])
-    options = {"part_spp": PART_SPP, "device": str(_index_of(device))}
+    options = {"part_spp": PART_SPP, "device": spec_of(device)}
     image = render(scene, cluster, **options)
     assert _bits(image) == _bits(alone["even"])
     assert image.stats["complete"]
 
-    def kill_one(done: int, total: int) -> bool:
-        """A worker ends without a word as soon as one part is there."""
-        if not killed:
-            workers = list(cluster.scheduler_info()["workers"])
-            pid = cluster.run(_process, workers=workers[:1])[workers[0]]
-            os.kill(pid, signal.SIGKILL)
-            killed.append(pid)
-        return False
-
-    killed: list[int] = []
-    image = render(scene, cluster, progress=kill_one, **options)
-    assert len(killed) == 1
+    kill = Kill(cluster, 1)
+    image = render(scene, cluster, progress=kill, **options)
+    assert len(kill.killed) == 1
     assert _bits(image) == _bits(alone["even"])
 
     lit = _lit_by_an_image(tmp_path)
@@ -312,18 +292,10 @@ def test_a_scene_that_is_lost_with_all_workers_is_sent_again(cluster, alone, dev
     from furcl.distributed import render
 
     cluster.wait_for_workers(2, timeout=60)
-    killed: list[int] = []
-
-    def kill_all(done: int, total: int) -> bool:
-        if not killed:
-            killed.extend(cluster.run(_process).values())
-            for pid in killed:
-                os.kill(pid, signal.SIGKILL)
-        return False
-
-    options = {"part_spp": PART_SPP, "device": str(_index_of(device))}
-    image = render(_scene(**KINDS["even"]), cluster, progress=kill_all, **options)
-    assert len(killed) == 2
+    kill = Kill(cluster, 2)
+    options = {"part_spp": PART_SPP, "device": spec_of(device)}
+    image = render(_scene(**KINDS["even"]), cluster, progress=kill, **options)
+    assert len(kill.killed) == 2
     assert _bits(image) == _bits(alone["even"])
 
 
@@ -345,15 +317,10 @@ def test_a_worker_that_stands_still_does_not_stall_the_end(cluster, alone, devic
     from furcl.distributed import render
 
     cluster.wait_for_workers(2, timeout=60)  # the one that was killed is started anew
-    workers = list(cluster.scheduler_info()["workers"])
-    cluster.run(_stand_still, workers=workers[:1])
+    cluster.run(_stand_still, workers=workers_of(cluster)[:1])
     scene = _scene(**KINDS["even"])
-    image = render(scene, cluster, part_spp=PART_SPP, device=str(_index_of(device)))
+    image = render(scene, cluster, part_spp=PART_SPP, device=spec_of(device))
     assert _bits(image) == _bits(alone["even"])
-
-
-def _process() -> int:
-    return os.getpid()
 
 
 def _stand_still() -> None:

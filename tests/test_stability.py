@@ -11,7 +11,6 @@ from kernel_harness import call
 from model_checks import check_sweep
 
 from furcl.bench import stability, stability_integrals
-from furcl.bench.stability import WIDTHS
 from furcl.bench.stability_compare import Comparison
 from furcl.bench.stability_conditioning import attenuation_conditioning, reference_attenuation
 from furcl.bench.stability_cylinder import CHIANG_SUBJECT
@@ -22,6 +21,7 @@ from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import LAST, Points
 from furcl.bench.stability_reference import reference_rows
 from furcl.bench.stability_row import Row
+from furcl.bench.stability_steps import WIDTHS
 from furcl.errors import FibreError
 from furcl.fibre.chiang.parameters import ChiangFibre
 from furcl.fibre.double_cylinder.parameters import RANGES, Fibre

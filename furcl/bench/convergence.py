@@ -6,44 +6,50 @@ results; a run that was stopped goes on where it stopped.
 
 from __future__ import annotations
 
-import json
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from furcl.bench.convergence_cluster import Cluster
+from furcl.bench.convergence_counter import Counter, StoppedError
 from furcl.bench.convergence_plan import Plan
-from furcl.bench.convergence_reference import (
-    Reference,
-    choose_variant,
-    kernel_digest,
-    reference_samples_left,
-    render_reference,
+from furcl.bench.convergence_reference import Parts, Reference, choose_variant
+from furcl.bench.convergence_renderers import (
+    Facts,
+    OneDevice,
+    Render,
+    Rendered,
+    Renderers,
+    Sweep,
 )
 from furcl.bench.convergence_results import assemble, scene_facts, write_results
 from furcl.bench.convergence_state import State, name_of
-from furcl.bench.convergence_variants import Variant, checks, chosen, settings_of
+from furcl.bench.convergence_variants import Variant
+from furcl.bench.record import circumstances
+from furcl.bench.workers import workers_of
 from furcl.device.choice import Device, open_device
 from furcl.errors import BenchError
 from furcl.fibre.samplers import BUILT_IN
 from furcl.files import file_name
+from furcl.groom.joined import Grooms
 from furcl.image import compare
-from furcl.image.image import Image
-from furcl.rendering.renderer import Progress, Renderer
-from furcl.scene.digest import digest, scene_digest
+from furcl.rendering.renderer import Progress
+from furcl.scene.digest import scene_digest
 from furcl.scene.tables import Scene
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 log = logging.getLogger(__name__)
 
 STATE = "renders.json"
 IMAGES = "images"
-
-
-class _StoppedError(Exception):
-    """The caller's progress function asked for the end."""
 
 
 def run(
@@ -52,6 +58,7 @@ def run(
     *,
     device: str | Device | None = None,
     progress: Progress | None = None,
+    client: Client | str | None = None,
 ) -> dict[str, Any]:
     """Render what `folder` does not hold yet, and compare.
 
@@ -60,9 +67,13 @@ def run(
     plan : Plan
     folder : path           gets renders.json after every render, results.json and results.csv at
                             the end, and images/
-    device : str, Device or None    as for `furcl.render`
+    device : str, Device or None    as for `furcl.render`; with `client` on each worker, and no
+                                    Device
     progress : callable or None     called with the path samples done and those of the whole run;
                                     stops the run by returning true: what is rendered is kept
+    client : Client, text or None   of a Dask cluster whose workers render, or the address of its
+                                    scheduler: each takes all variants of one run at one number of
+                                    samples. All that is found but times is as with one device
 
     Returns
     -------
@@ -72,190 +83,153 @@ def run(
     Raises
     ------
     BenchError      if the folder holds renders of other scenes, kernels or another device
-    SceneError, GroomError, DeviceError, ResourceError, KernelBuildError, ImageError
+    DeviceError     no device; with `client` also as `furcl.distributed.render`, and for workers
+                    whose devices or drivers differ
+    SceneError, GroomError, ResourceError, KernelBuildError, ImageError
     """
     folder = Path(folder)
     (folder / IMAGES).mkdir(parents=True, exist_ok=True)
-    opened = device if isinstance(device, Device) else open_device(device)
     state = State(folder / STATE)
     state.check(plan)
-    counter = _Counter(progress, plan)
+    counter = Counter(progress, plan)
     complete = True
-    try:
-        for scene in plan.scenes:
-            _Bench(plan, scene, opened, folder, state, counter).run()
-    except _StoppedError:
-        complete = False
-    results = assemble(plan, opened, state, complete=complete)
+    with _renderers(plan, device, client, counter) as (where, sweep_of):
+        try:
+            for scene in plan.scenes:
+                _Bench(plan, scene, folder, state, counter).run(sweep_of)
+        except StoppedError:
+            complete = False
+    if state.data["workers"]:
+        where = {**where, "workers": len(state.data["workers"])}
+    results = assemble(plan, where, state, complete=complete)
     write_results(results, folder)
     return results
 
 
-class _Counter:
-    """Path samples done, over all scenes, for the caller's progress function."""
+SweepOf = Callable[[Scene, Grooms, float], Sweep]
+"""Who renders a scene with these grooms, which took so many seconds to be made."""
 
-    def __init__(self, progress: Progress | None, plan: Plan) -> None:
-        self.progress = progress
-        self.done = 0
-        self.stopped = False
-        self.total = sum(
-            (plan.samples_a_pixel() + plan.reference_spp) * s.film.width * s.film.height
-            for s in plan.scenes
-        )
 
-    def forget(self, samples: int) -> None:
-        """Take out of the total what need not be rendered."""
-        self.total -= samples
+@contextmanager
+def _renderers(
+    plan: Plan, device: str | Device | None, client: Client | str | None, counter: Counter
+) -> Iterator[tuple[dict[str, Any], SweepOf]]:
+    """Where a run renders, as JSON values, and who."""
+    if client is None:
+        opened = device if isinstance(device, Device) else open_device(device)
+        yield circumstances(opened), partial(_on_one, opened, counter)
+        return
+    with workers_of(client, device) as (workers, where):
+        yield where, partial(Cluster, workers, counter, plan.variants)
 
-    def __call__(self, done: int, total: int) -> bool:
-        if self.progress is not None and self.progress(self.done + done, self.total):
-            self.stopped = True
-        if done == total:
-            self.done += total
-        return self.stopped
+
+def _on_one(
+    device: Device, counter: Counter, scene: Scene, grooms: Grooms, grown: float
+) -> OneDevice:
+    return OneDevice(Renderers(scene, grooms, device, grown), counter)
 
 
 class _Bench:
     """One scene of a plan."""
 
     def __init__(
-        self,
-        plan: Plan,
-        scene: Scene,
-        device: Device,
-        folder: Path,
-        state: State,
-        counter: _Counter,
+        self, plan: Plan, scene: Scene, folder: Path, state: State, counter: Counter
     ) -> None:
-        self.plan, self.scene, self.device = plan, scene, device
+        self.plan, self.scene = plan, scene
         self.folder, self.state, self.counter = folder, state, counter
         self.n_pixels = scene.film.width * scene.film.height
         self.file = file_name(scene.name)
 
-    def run(self) -> None:
+    def run(self, sweep_of: SweepOf) -> None:
         """Render everything that is missing."""
-        content = scene_digest(self.scene)
         start = time.perf_counter()
-        self.grooms = self.scene.build_grooms()
-        self.grown = time.perf_counter() - start
-        renderers = {variant.name: self._renderer(variant) for variant in self.plan.variants}
-        keys = {name: self._key(content, r) for name, r in renderers.items()}
-        self._check_keys(keys)
-        reference = self._reference(content, renderers)
-        for run, spp, name in self._missing():
-            record, image = self._measure(renderers[name], reference, run, spp, name)
+        grooms = self.scene.build_grooms()
+        sweep = sweep_of(self.scene, grooms, time.perf_counter() - start)
+        content = scene_digest(self.scene, grooms)
+        variants = self.plan.variants
+        facts = dict(zip(variants, sweep.facts(variants), strict=True))
+        for variant, found in facts.items():
+            self.state.data["setup"][name_of(self.scene.name, variant.name)] = found.setup
+        self.keys = {variant: found.key(content) for variant, found in facts.items()}
+        self._check_keys()
+        reference = self._reference(sweep, content, grooms, facts)
+        for render, rendered in sweep.renders(self._missing(), timed=True):
+            name, spp, run = render.variant.name, render.spp, render.number
+            record = self._record(reference, render, rendered)
             if run == 0:
-                image.save(self.folder / IMAGES / f"{self.file}-{file_name(name)}-{spp}.exr")
-            self.state.add(self.scene.name, name, spp, run, record)
+                path = self.folder / IMAGES / f"{self.file}-{file_name(name)}-{spp}.exr"
+                rendered.image.save(path)
+            self.state.add(self.scene.name, name, spp, run, record, rendered.worker)
             log.debug(
                 "%s, %s, %d spp, run %d: %.2f s, RMSE %.4g", self.scene.name, name, spp, run,
                 record["seconds"], record["rmse"],
             )  # fmt: skip
 
-    def _renderer(self, variant: Variant) -> Renderer:
-        """A renderer that has compiled all that its first render would."""
-        own = variant.scene(self.scene)
-        renderer = Renderer(own, self.device, curves=self.grooms)
-        start = time.perf_counter()
-        renderer.advance(1)
-        first = time.perf_counter() - start
-        found = chosen(own, renderer.features)
-        self.state.data["setup"][name_of(self.scene.name, variant.name)] = {
-            "settings": settings_of(own),
-            "chosen": found,
-            "compiled": json.loads(json.dumps(renderer.stats()["features"]["compiled"])),
-            "checks": checks(self.scene, own, found),
-            "setup": {
-                "curves": self.grown,
-                **{name: renderer.seconds[name] for name in ("bvh", "tables", "compile")},
-                "first_sample": first,
-                "bytes": renderer.stats()["bytes"],
-            },
-        }
-        return renderer
-
-    def _key(self, content: str, renderer: Renderer) -> str:
-        device = (self.device.name, self.device.platform, self.device.driver_version)
-        return digest(content, settings_of(renderer.scene), kernel_digest(renderer), device)
-
-    def _check_keys(self, keys: Mapping[str, str]) -> None:
-        for name, key in keys.items():
-            for record in self.state.of_variant(self.scene.name, name).values():
+    def _check_keys(self) -> None:
+        for variant, key in self.keys.items():
+            for record in self.state.of_variant(self.scene.name, variant.name).values():
                 if record["key"] != key:
                     raise BenchError(
-                        f"{self.state.path}: holds renders of {self.scene.name} by {name} with "
-                        f"another scene, size, settings, device or version of the kernels; "
-                        f"continue with what it was begun with, or give another folder"
+                        f"{self.state.path}: holds renders of {self.scene.name} by "
+                        f"{variant.name} with another scene, size, settings, device or version of "
+                        f"the kernels; continue with what it was begun with, or give another folder"
                     )
-        self.keys = keys
 
-    def _missing(self) -> Iterator[tuple[int, int, str]]:
-        todo = []
-        there = {name: self.state.of_variant(self.scene.name, name) for name in self.plan.names}
+    def _missing(self) -> list[list[Render]]:
+        """What is still to be rendered; the variants of a run and a number of samples together."""
+        blocks: dict[tuple[int, int], list[Render]] = {}
+        there = {v: self.state.of_variant(self.scene.name, v.name) for v in self.plan.variants}
+        named = {variant.name: variant for variant in self.plan.variants}
         for run, spp, name in self.plan.renders():
-            if (spp, run) in there[name]:
+            if (spp, run) in there[named[name]]:
                 self.counter.forget(spp * self.n_pixels)
-            else:
-                todo.append((run, spp, name))
-        yield from todo
+                continue
+            seed = self.plan.seed_of(self.scene.name, name, spp, run)
+            blocks.setdefault((run, spp), []).append(Render(named[name], spp, seed, run))
+        return list(blocks.values())
 
-    def _render_once(
-        self, renderer: Renderer, seed: int, spp: int, *, count: bool = True
-    ) -> tuple[Image, float, float]:
-        """Independent samples of a seed: image, wall seconds, CPU seconds of this process."""
-        if self.counter.stopped:
-            raise _StoppedError
-        renderer.restart(seed)
-        cpu = time.process_time()
-        complete = renderer.advance(spp, self.counter if count else None)
-        cpu = time.process_time() - cpu
-        if not complete:
-            raise _StoppedError
-        return renderer.image(), renderer.seconds["render"], cpu
-
-    def _reference(self, content: str, renderers: Mapping[str, Renderer]) -> Reference:
-        name, figures = choose_variant(
-            {name: r for name, r in renderers.items() if self._may_be_reference(name, r)},
-            self.plan.seed_of,
-            lambda renderer, seed, spp: self._render_once(renderer, seed, spp, count=False),
-        )
-        if name is None:
-            name, chosen_one = "full-cdf", self._renderer(Variant.of_sampler("full-cdf"))
+    def _reference(
+        self, sweep: Sweep, content: str, grooms: Grooms, facts: Mapping[Variant, Facts]
+    ) -> Reference:
+        may = {v: f for v, f in facts.items() if self._may_be_reference(v, f)}
+        variant, figures = choose_variant(may, self.plan.seed_of, sweep)
+        if variant is None:
+            variant = Variant.of_sampler("full-cdf")
+            (found,) = sweep.facts([variant])
         else:
-            chosen_one = renderers[name]
-        arguments = (chosen_one, content, self.plan.reference_spp, self.plan.seed_of)
-        left = reference_samples_left(*arguments)
-        self.counter.forget((self.plan.reference_spp - left) * self.n_pixels)
-        reference = render_reference(*arguments, self._render_once)
+            found = facts[variant]
+        own, spp = variant.scene(self.scene), self.plan.reference_spp
+        parts = Parts(variant, own, found, content, spp, self.plan.seed_of)
+        left = sum(part.spp for part in parts.missing)
+        self.counter.forget((spp - left) * self.n_pixels)
+        for render, rendered in sweep.renders([[part] for part in parts.missing]):
+            parts.add(render.number, rendered)
+        reference = parts.reference()
         reference.image.save(self.folder / IMAGES / f"{self.file}-reference.exr")
         self.state.data["scenes"][self.scene.name] = {
-            **scene_facts(self.scene, self.grooms.curves),
-            "reference": {"variant": name, **reference.facts, "pilot": figures},
+            **scene_facts(self.scene, grooms.curves),
+            "reference": {"variant": variant.name, **reference.facts, "pilot": figures},
         }
         return reference
 
-    def _may_be_reference(self, name: str, renderer: Renderer) -> bool:
+    def _may_be_reference(self, variant: Variant, facts: Facts) -> bool:
         """Samplers of the user's may be wrong, and other settings may show another picture."""
-        facts = self.state.data["setup"][name_of(self.scene.name, name)]
-        return renderer.scene.render.sampling in BUILT_IN and facts["checks"]["mean"] is None
+        sampling = variant.scene(self.scene).render.sampling
+        return sampling in BUILT_IN and facts.setup["checks"]["mean"] is None
 
-    def _measure(
-        self, renderer: Renderer, reference: Reference, run: int, spp: int, name: str
-    ) -> tuple[dict[str, Any], Image]:
-        """One render and its errors."""
-        seed = self.plan.seed_of(self.scene.name, name, spp, run)
-        image, seconds, cpu_seconds = self._render_once(renderer, seed, spp)
-        truth = reference.image.rgb
+    def _record(self, reference: Reference, render: Render, rendered: Rendered) -> dict[str, Any]:
+        """What is kept of a render: its cost and its errors."""
+        image, truth = rendered.image, reference.image.rgb
         weight = 1.0 / (truth.astype(np.float64) ** 2 + compare.REL_EPSILON)
         raw = compare.rmse(image.rgb, truth) ** 2
         mse = raw - float(reference.variance.mean())
         stats = image.stats
-        own = image.variance if renderer.scene.render.variance else None
-        record = {
-            "key": self.keys[name],
-            "seed": seed,
-            "seconds": seconds,
-            "cpu_seconds": cpu_seconds,
+        own = image.variance if render.variant.scene(self.scene).render.variance else None
+        return {
+            "key": self.keys[render.variant],
+            "seed": render.seed,
+            "seconds": rendered.seconds,
+            "cpu_seconds": rendered.cpu_seconds,
             "mse_against_reference": raw,
             "mse": mse,
             "rmse": float(np.sqrt(max(mse, 0.0))),
@@ -271,4 +245,3 @@ class _Bench:
             "lobes": stats["lobes"],
             "nonfinite": stats["nonfinite"],
         }
-        return record, image

@@ -19,8 +19,7 @@ from furcl.bench.convergence_statistics import (
     ratio_interval,
     slope,
 )
-from furcl.bench.record import circumstances, write_json
-from furcl.device.choice import Device
+from furcl.bench.record import write_json
 from furcl.files import atomic_path
 from furcl.groom.curves import Curves
 from furcl.scene.schema import files_in
@@ -62,15 +61,17 @@ def scene_facts(scene: Scene, curves: Curves) -> dict[str, Any]:
     }
 
 
-def assemble(plan: Plan, device: Device, state: State, *, complete: bool) -> dict[str, Any]:
-    """The results of what has been rendered so far.
+def assemble(
+    plan: Plan, where: Mapping[str, Any], state: State, *, complete: bool
+) -> dict[str, Any]:
+    """The results of what has been rendered so far, with who measured it, `where`.
 
     Variants of a scene are compared over the runs that all of them have at all sample counts.
     """
     records, data = _in_plan(plan, state), state.data
     return {
         "schema": SCHEMA,
-        **circumstances(device),
+        **where,
         "complete": complete,
         "plan": {
             "variants": [variant.as_dict() for variant in plan.variants],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 import msgspec
 
@@ -52,6 +52,7 @@ class _Stored(TypedDict):
     scenes: dict[str, _Scene]
     setup: dict[str, dict[str, Any]]
     renders: dict[str, Record]
+    workers: NotRequired[list[str]]
 
 
 def name_of(scene: str, variant: str) -> str:
@@ -64,7 +65,8 @@ class State:
 
     Attributes
     ----------
-    data : dict     scenes: facts by name; setup: by `name_of`; renders: by `key`
+    data : dict     scenes: facts by name; setup: by `name_of`; renders: by `key`; workers: the
+                    addresses of those of a cluster that rendered
 
     Raises
     ------
@@ -73,12 +75,13 @@ class State:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.data: dict[str, Any] = {"scenes": {}, "setup": {}, "renders": {}}
+        self.data: dict[str, Any] = {"scenes": {}, "setup": {}, "renders": {}, "workers": []}
         if not path.exists():
             return
         try:
             self.data = json.loads(path.read_text(encoding="utf-8"))
             msgspec.convert(self.data, _Stored)
+            self.data.setdefault("workers", [])
         except (OSError, ValueError, RecursionError) as error:
             raise BenchError(
                 f"{path}: {shown(str(error))}; it was edited or damaged, remove it to start again"
@@ -109,8 +112,18 @@ class State:
                 found[spp, run] = record
         return found
 
-    def add(self, scene: str, variant: str, spp: int, run: int, record: dict[str, Any]) -> None:
-        """Keep a render."""
+    def add(
+        self,
+        scene: str,
+        variant: str,
+        spp: int,
+        run: int,
+        record: dict[str, Any],
+        worker: str | None = None,
+    ) -> None:
+        """Keep a render, by a worker of a cluster or by this process."""
+        if worker is not None and worker not in self.data["workers"]:
+            self.data["workers"].append(worker)
         self.data["renders"][f"{name_of(scene, variant)}|{spp}|{run}"] = record
         self.save()
 

@@ -18,12 +18,23 @@ from furcl.version import software
 
 def circumstances(device: Device) -> dict[str, Any]:
     """Versions, command line, machine and device of a run, as JSON values."""
+    return {**command(), **place(device)}
+
+
+def command() -> dict[str, Any]:
+    """Versions, command line and date, as JSON values."""
     script = sys.argv[0].endswith(".py") and Path(sys.argv[0]).name != "__main__.py"
     program = ["python", sys.argv[0]] if script else ["furcl"]
     return {
         **software(),
         "command": shlex.join([*program, *sys.argv[1:]]),
         "date": time.strftime("%Y-%m-%d"),
+    }
+
+
+def place(device: Device) -> dict[str, Any]:
+    """This machine and its device, as JSON values."""
+    return {
         "machine": {
             "processor": _processor(),
             "cores": len(os.sched_getaffinity(0)),

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from furcl.bench.record import circumstances, write_json
-from furcl.bench.stability_compare import BARS, Comparison
 from furcl.bench.stability_conditioning import (
     attenuation_conditioning,
     evaluate_conditioning,
@@ -22,23 +21,20 @@ from furcl.bench.stability_conditioning import (
     reference_pdf,
 )
 from furcl.bench.stability_double_cylinder import SUBJECT as DOUBLE_CYLINDER
-from furcl.bench.stability_integrals import factors, integrals
-from furcl.bench.stability_look import POINTS_PER_FIBRE as LOOKED_AT_PER_FIBRE
-from furcl.bench.stability_look import Look
-from furcl.bench.stability_medulla import medulla_rows
 from furcl.bench.stability_points import Points
-from furcl.bench.stability_reference import reference_rows
-from furcl.bench.stability_renders import render_rows
+from furcl.bench.stability_renders import settle
 from furcl.bench.stability_row import Row, replay_command
+from furcl.bench.stability_steps import Found, Step, Sweep, in_order, take
 from furcl.bench.stability_subject import Subject
+from furcl.bench.stability_total import Total
+from furcl.bench.workers import workers_of
 from furcl.device.choice import Device, open_device
+from furcl.distributed.tasks import Shared
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 SCHEMA = "furcl-stability-1"
-POINTS_PER_FIBRE = 2000
-
-WIDTHS = (1e-3, 1.5e-3, 3e-3, 1e-2, 0.03, 0.1, 0.27, 0.39, 0.41, 0.7, 1.0, 1.1, 1.49, 1.51, 2.5)
-"""Widths [rad] at which M and D are integrated: the range that a `Fibre` allows, and both sides of
-where a formula changes."""
 
 #: Called with the part that is under way, and its steps done and in all.
 Progress = Callable[[str, int, int], None]
@@ -55,83 +51,83 @@ def run(
     seed: int = 1,
     progress: Progress | None = None,
     subject: Subject = DOUBLE_CYLINDER,
+    client: Client | str | None = None,
 ) -> dict[str, Any]:
     """Compare the device with float64 over the grid and `n_points` random points.
 
     Parameters
     ----------
     out                 folder for results.json
+    device : str, Device or None    as for `furcl.render`; with `client` on each worker, and no
+                        Device
     quick : bool        fewer widths, scenes and points: what the tests run as well
     n_points : int      random points; default 10^7, quick 10^5
     n_compared : int    compare only as many of them with float64, and look at the others for what
                         is not finite or negative; default all
     renders : bool      also render scenes/extreme
-    subject : Subject   the fibre model
+    subject : Subject   the fibre model; with `client` one that workers can import
+    client : Client, text or None   of a Dask cluster whose workers share the sweep, fibre by fibre,
+                        or the address of its scheduler. What is found is as with one device
 
     Returns
     -------
-    dict    `rows`: one for each quantity and lobe (furcl.bench.stability_compare.Row, with the
+    dict    `rows`: one for each quantity and lobe (furcl.bench.stability_row.Row, with the
             command that replays its worst point); `parameters`: largest excess over the edges of
             each parameter; `weights`: the largest by region (stability_weights.Region);
             `renders`
+
+    Raises
+    ------
+    DeviceError     no device; with `client` also as `furcl.distributed.render`, and for workers
+                    whose devices or drivers differ
     """
-    opened = device if isinstance(device, Device) else open_device(device)
     n_points = n_points or (100_000 if quick else 10_000_000)
-    say = progress or (lambda *_: None)
-    rng = np.random.default_rng(seed)
-    total = Comparison(opened, subject)
-    parameters = _grid(total, rng, 200 if quick else POINTS_PER_FIBRE, quick, say)
     n_compared = n_points if n_compared is None else min(n_compared, n_points)
-    n_fibres = max(1, n_compared // POINTS_PER_FIBRE)
-    for i in range(n_fibres):
-        fibre = subject.random(rng)
-        # Compiling for every other fibre anew would take most of a quick run.
-        specialised = i % 8 == 0 if quick else True
-        total.add(fibre, subject.points(fibre, rng, POINTS_PER_FIBRE), i, specialised)
-        say("random points", i + 1, n_fibres)
-    look = Look(opened, subject)
-    n_looked_at = -(-(n_points - n_compared) // LOOKED_AT_PER_FIBRE)
-    for i in range(n_looked_at):
-        fibre = subject.random(rng)
-        look.add(fibre, subject.points(fibre, rng, LOOKED_AT_PER_FIBRE), i)
-        say("points looked at", i + 1, n_looked_at)
-    own_rows = OWN_ROWS.get(subject.model.name, lambda *_: [])
-    rows = [*total.rows.values(), *look.rows.values(), *own_rows(opened, quick)]
-    say("integrals", 1, 1)
+    sweep = Sweep.of(subject, quick, n_compared, n_points - n_compared, renders)
+    total = Total()
+    with _taken(sweep, seed, device, client) as (where, taken):
+        for step, found in taken:
+            total.add(step, found)
+            if progress:
+                progress(step.part, step.number + 1, step.n)
+    settle(total.renders)
     results = {
         "schema": SCHEMA,
         "model": subject.model.name,
-        **circumstances(opened),
+        **where,
         "quick": quick,
         "seed": seed,
-        "random_points": n_fibres * POINTS_PER_FIBRE + n_looked_at * LOOKED_AT_PER_FIBRE,
-        "compared_points": n_fibres * POINTS_PER_FIBRE,
-        "rows": [_plain(row) for row in rows],
-        "parameters": parameters,
+        "random_points": sweep.n_compared + sweep.n_looked_at,
+        "compared_points": sweep.n_compared,
+        "rows": [_plain(row) for row in total.rows.values()],
+        "parameters": total.parameters,
         "weights": [dataclasses.asdict(region) for region in total.regions],
-        "renders": render_rows(opened, quick, say) if renders else [],
+        "renders": total.renders,
     }
     results["passed"] = passed(results)
     write_json(results, Path(out) / "results.json")
     return results
 
 
-def _double_cylinder_rows(device: Device, quick: bool) -> list[Row]:
-    """Integrals of its lobes, its simulated profiles, and its reference against 60 digits."""
-    betas = (1e-3, 0.41, 2.5) if quick else (1e-3, 3e-3, 0.03, 0.39, 0.41, 1.49, 1.51, 2.5)
-    degrees = (0.0, 60.0) if quick else (0.0, 60.0, 85.0, 89.5)
-    return [
-        *factors(device, WIDTHS, [math.radians(d) for d in (0.0, 30.0, 60.0, 85.0, 89.5, 90.0)]),
-        *integrals(device, betas, [math.radians(d) for d in degrees]),
-        *medulla_rows(device, quick),
-        *reference_rows(),
-    ]
+@contextmanager
+def _taken(
+    sweep: Sweep, seed: int, device: str | Device | None, client: Client | str | None
+) -> Iterator[tuple[dict[str, Any], Iterator[tuple[Step, Found]]]]:
+    """Where a sweep runs, as JSON values, and its steps in their order with what they found."""
+    if client is None:
+        opened = device if isinstance(device, Device) else open_device(device)
+        yield circumstances(opened), ((s, take(opened, sweep, s)) for s in sweep.steps(seed))
+        return
+    with workers_of(client, device) as (workers, where):
+        steps = sweep.steps_apart(seed)
+        coming = Shared(workers, sweep).results(
+            take, steps, lambda step: f"{step.part}, {step.number + 1} of {step.n}", twice=True
+        )
+        with closing(coming):
+            yield {**where, "workers": workers.number()}, in_order(coming)
 
 
-OWN_ROWS = {"double-cylinder": _double_cylinder_rows}
-"""What else is swept of a model."""
-
-COMPARED = ("evaluate", "pdf", "bin ratio")
+UNBOUNDED = ("evaluate", "pdf", "bin ratio")
 """Quantities compared with float64 point by point, without a bar: of 10^7 points at the ends of all
 ranges some differ by more than the allowance for conditioning (docs/numerics.md)."""
 
@@ -141,7 +137,7 @@ def passed(results: dict[str, Any]) -> bool:
     integrals and weights within what is allowed; renders that agree."""
     good = all(
         row["nan"] == row["inf"] == row["negative"] == 0
-        and (row["excess"] <= 1.0 or row["quantity"] in COMPARED)
+        and (row["excess"] <= 1.0 or row["quantity"] in UNBOUNDED)
         for row in results["rows"]
     )
     return good and all(r["agrees"] and r["nonfinite"] == 0 for r in results["renders"])
@@ -181,37 +177,6 @@ def replay(
         _, _, lobe, weight, _ = probe.sample(at.wo, numbers=[point["numbers"]])
         rows.append(["sample weight", probe.lobes[int(lobe[0])], float(weight.mean()), "", ""])
     return rows
-
-
-def _grid(
-    total: Comparison, rng: np.random.Generator, n: int, quick: bool, say: Progress
-) -> list[dict[str, Any]]:
-    """Add the fibres of the grid; errors of each by the parameter that is at an edge."""
-    found = []
-    subject = total.subject
-    fibres = list(subject.grid())
-    # The quick grid: every third fibre; all edges are also among the random ones.
-    for i, (name, value, fibre) in enumerate(fibres[::3] if quick else fibres):
-        part = Comparison(total.device, subject)
-        part.add(fibre, subject.points(fibre, rng, n), i, specialised=not quick)
-        found.append(
-            {
-                "parameter": name,
-                "value": value,
-                "excess": {
-                    quantity: max(r.excess for r in part.rows.values() if r.quantity == quantity)
-                    for quantity in BARS
-                },
-                # Black fibres are never sampled.
-                "weight": max(
-                    (r.max_absolute for r in part.rows.values() if r.quantity == "sample weight"),
-                    default=0.0,
-                ),
-            }
-        )
-        total.merge(part)
-        say("grid", i + 1, len(fibres))
-    return found
 
 
 def _plain(row: Row) -> dict[str, Any]:

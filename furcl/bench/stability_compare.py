@@ -74,13 +74,6 @@ class Comparison:
             other = self.subject.probe(fibre, self.device, sampling, specialised=False)
             self._sample(other, points, seed)
 
-    def merge(self, other: Comparison) -> None:
-        """Add the rows of another comparison."""
-        for row in other.rows.values():
-            self.row(row.quantity, row.lobe).merge(row)
-        for mine, found in zip(self.regions, other.regions, strict=True):
-            mine.merge(found)
-
     def _attenuation(self, probe: Probe, points: Points) -> None:
         theta = points.theta
         got = probe.attenuation(points.h, theta).astype(np.float64)

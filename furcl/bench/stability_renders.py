@@ -8,7 +8,6 @@ which bias that would have shown.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -47,21 +46,16 @@ def scene_files() -> list[Path]:
     return sorted((scene_folder() / "extreme").glob("*.toml"))
 
 
-def render_rows(
-    device: Device, quick: bool, say: Callable[[str, int, int], None]
-) -> list[dict[str, Any]]:
-    """One row for each scene: see `render_row`."""
-    files = [path for path in scene_files() if not quick or path.stem in QUICK]
-    rows = []
-    for i, path in enumerate(files):
-        rows.append(
-            render_row(path, device, spp=64 if quick else 512, paths=600 if quick else 4000)
-        )
-        say("renders", i + 1, len(files))
+def scenes(quick: bool) -> list[Path]:
+    """Those of them that a sweep renders."""
+    return [path for path in scene_files() if not quick or path.stem in QUICK]
+
+
+def settle(rows: list[dict[str, Any]]) -> None:
+    """Say of the rows of all scenes, each as `render_row` makes it, whether it `agrees`."""
     level = 1.0 - (1.0 - ALPHA) ** (1.0 / max(len(rows), 1))
     for row in rows:
         row["agrees"] = bool(row["p"] > level)
-    return rows
 
 
 def render_row(path: Path, device: Device, spp: int, paths: int, seed: int = 7) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from furcl.cli.options import (
     SEED,
     SIZE,
     VARIANT,
+    Dask,
     DeviceName,
     Overrides,
     SceneNames,
@@ -55,6 +56,7 @@ def convergence(
     ] = 0,
     metric: Annotated[str, METRIC] = "rmse",
     device: DeviceName = None,
+    dask: Dask = None,
     quick: Annotated[bool, QUICK] = False,
     overrides: Overrides = None,
 ) -> None:
@@ -92,7 +94,7 @@ def convergence(
                 report(done, total)
                 return interrupt.requested
 
-            results = bench.run(plan, output, device=device, progress=progress)
+            results = bench.run(plan, output, device=device, progress=progress, client=dask)
         page = write_report(output, metrics=metric.split(","))
     marked = departures(results)
     for scene in results["scenes"]:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from furcl.cli.options import QUICK, SEED, DeviceName, Folder
+from furcl.cli.options import QUICK, SEED, Dask, DeviceName, Folder
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +30,7 @@ def stability(
     ] = "double-cylinder",
     seed: Annotated[int, SEED] = 1,
     device: DeviceName = None,
+    dask: Dask = None,
 ) -> None:
     """Compare the device with float64 at the ends of all ranges, and render stiff scenes."""
     from furcl.bench import stability as bench
@@ -39,6 +40,7 @@ def stability(
     results = bench.run(
         output, device=device, quick=quick, n_points=points, n_compared=compared, seed=seed,
         progress=_LogLines(), renders=renders and model == "double-cylinder", subject=find(model),
+        client=dask,
     )  # fmt: skip
     print_stability(results)
     log.info("wrote %s and results.json", write_report(output))

@@ -43,6 +43,10 @@ DeviceName = Annotated[
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", help="Replace a value of the scene: PATH=VALUE.")
 ]
+Dask = Annotated[
+    str | None,
+    typer.Option("--dask", help="Address of a Dask scheduler, whose workers share the work."),
+]
 WaveSize = Annotated[
     int | None,
     typer.Option(min=1, help="Paths traced together; changes the speed, not the picture."),

@@ -16,6 +16,7 @@ from furcl.cli.options import (
     SEED,
     SIZE,
     SPP,
+    Dask,
     Material,
     Overrides,
     SceneName,
@@ -62,10 +63,7 @@ def render(
             help="FIRST:END, only these samples of each pixel, in place of --spp; see furcl merge."
         ),
     ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(help="Address of a Dask scheduler, whose workers share the render."),
-    ] = None,
+    dask: Dask = None,
     part_spp: Annotated[
         int | None, typer.Option(help="Samples per pixel in each part of a shared render.")
     ] = None,
