@@ -193,7 +193,8 @@ def test_hits_are_those_of_embree(device, fibres, rng):
 
 def both_and_each(device, rng, pieces, chunk_segments):
     """Rays at any times among a groom that moves over so many pieces of time (0: keeps still) and
-    triangles; distances (3, n) and names (3, n) among both, the groom alone, triangles alone."""
+    triangles; distances, names and whether anything is hit, each (3, n), among both, the groom
+    alone, triangles alone."""
     walks = random_walks(rng, 300, 10, 0.2, 0.01)
     steps = np.stack([walks.points + np.float32(0.1 * i) for i in range(pieces + 1)])
     times = np.arange(pieces + 1.0) if pieces else None
@@ -213,39 +214,48 @@ def both_and_each(device, rng, pieces, chunk_segments):
         tracer.closest(rays)
         t, name, _ = tracer.hits(rays)
         tracer.shadow(rays)
-        assert np.array_equal(tracer.occluded(rays), name != NO_SEGMENT)
-        found.append((t, name))
-    t, name = (np.array(values) for values in zip(*found, strict=True))
-    return t, name
+        found.append((t, name, tracer.occluded(rays)))
+    t, name, occluded = (np.array(values) for values in zip(*found, strict=True))
+    return t, name, occluded
 
 
 @pytest.mark.parametrize("chunk_segments", [1 << 20, 400])
 @pytest.mark.parametrize("pieces", [0, 1, 11])
 def test_both_trees_are_searched_at_every_time(device, pieces, chunk_segments, rng):
     """The nearer hit of the two, to the bit; 11 pieces have their roots in two blocks."""
-    t, name = both_and_each(device, rng, pieces, chunk_segments)
+    t, name, occluded = both_and_each(device, rng, pieces, chunk_segments)
     nearer = np.where(t[1] <= t[2], 1, 2)
     expected_t, expected = (np.take_along_axis(a, nearer[None], axis=0)[0] for a in (t, name))
     assert np.array_equal(t[0], expected_t)
     assert np.array_equal(name[0], expected)
+    assert np.array_equal(occluded, name != NO_SEGMENT)
     assert (name[0] < TRIANGLE).mean() > 0.05
     assert (triangle_of(name[0]) >= 0).mean() > 0.05
 
 
 @pytest.mark.parametrize(
-    ("pattern", "text"),
+    ("pattern", "text", "nearest_hits", "any_hits"),
     [
-        (r"piece % FURCL_BVH_WIDTH", "0u"),
-        (r"piece / FURCL_BVH_WIDTH", "0u"),
-        (r"tv->next = groom->blocks\[FURCL_BLOCK_ORIGIN\]", "tv->next = FURCL_NO_BLOCK"),
-        (r"tv->top = stack_push_root\(.*;", ""),
+        (r"piece % FURCL_BVH_WIDTH", "0u", True, True),
+        (r"piece / FURCL_BVH_WIDTH", "0u", True, True),
+        (r"tv->next = joint;", "tv->next = FURCL_NO_BLOCK;", True, False),
+        (
+            r"tv->next = groom->blocks\[FURCL_BLOCK_ORIGIN\]",
+            "tv->next = FURCL_NO_BLOCK",
+            False,
+            True,
+        ),
+        (r"tv->top = stack_push_root\(.*;", "", False, True),
     ],
 )
-def test_a_tree_that_is_not_searched_is_missed(device, monkeypatch, pattern, text):
-    right, _ = both_and_each(device, np.random.default_rng(3), 11, 1 << 20)
+def test_a_tree_that_is_not_searched_is_missed(
+    device, monkeypatch, pattern, text, nearest_hits, any_hits
+):
+    t, _, occluded = both_and_each(device, np.random.default_rng(3), 11, 1 << 20)
     substitute(monkeypatch, pattern, text, within="tools/trace_rays.cl")
-    wrong, _ = both_and_each(device, np.random.default_rng(3), 11, 1 << 20)
-    assert (wrong[0] > np.minimum(right[1], right[2])).mean() > 0.01
+    wrong, _, missed = both_and_each(device, np.random.default_rng(3), 11, 1 << 20)
+    assert ((wrong[0] > np.minimum(t[1], t[2])).mean() > 0.01) == nearest_hits
+    assert ((occluded[0] & ~missed[0]).mean() > 0.01) == any_hits
 
 
 @pytest.mark.parametrize(("mesh", "scale"), [("sintel_head.obj", 1.0), ("bunny.ply", 10.0)])

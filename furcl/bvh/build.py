@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from furcl.bvh.trees import BLOCK_BYTES, TreeBuilder, write_at
+from furcl.bvh.trees import BLOCK_BYTES, TreeBuilder, upload_corners, write_at
 from furcl.device import index_checks
 from furcl.device.layout import BLOCK_WORDS, BVH_STACK_SIZE
 from furcl.device.memory import Memory
@@ -146,7 +146,7 @@ def build_bvh(
     n_chunks = 1
     while n_chunks * chunk_segments < curves.n_segments:
         n_chunks *= 8  # as many as fill the lanes of the blocks above them
-    triangles = None if corners is None else (corners, _upload_corners(memory, corners))
+    triangles = None if corners is None else (corners, upload_corners(memory, corners))
     builder = TreeBuilder(
         memory,
         curves,
@@ -245,16 +245,4 @@ def _upload_steps(
         packed[:, :, :3] = steps[:, part].transpose(1, 0, 2)
         packed[:, :, 3] = radii[part, None]
         write_at(memory, buffer, packed, 16 * n_steps * begin)
-    return buffer
-
-
-def _upload_corners(memory: Memory, corners: NDArray[np.float32]) -> cl.Buffer:
-    """What kernels/include/geometry/triangle.clh reads of corners (n, 3, 3), copied a part at a
-    time."""
-    buffer = memory.allocate("corners", 48 * len(corners))
-    for begin in range(0, len(corners), _UPLOAD_POINTS):
-        part = corners[begin : begin + _UPLOAD_POINTS]
-        packed = np.zeros((len(part), 3, 4), np.float32)
-        packed[:, :, :3] = part.transpose(0, 2, 1)
-        write_at(memory, buffer, packed, 48 * begin)
     return buffer
