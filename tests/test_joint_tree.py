@@ -91,7 +91,9 @@ def test_everything_is_below_its_root_once_and_in_its_boxes(device, groom, corne
     for number in top:
         block = blocks[number]
         assert int(block[BLOCK_LANES]) >> 8 == BLOCK_BOXES >> 8  # boxes, of subtrees alone
-        for child, box in zip(lanes(block)[2], lane_boxes(block), strict=True):
+        boxes = lane_boxes(block)
+        assert boxes is not None
+        for child, box in zip(lanes(block)[2], boxes, strict=True):
             vertices, first, _ = below(blocks, child)
             ends = np.concatenate([vertices, np.add(vertices, 1)]).astype(np.int64)
             points, radii = groom.points[ends].astype(np.float64), groom.radii[ends, None]
