@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from furcl.bench import stability, stability_subjects
+from furcl.bench import stability, stability_steps, stability_subjects
 from furcl.bench.stability_compare import BARS, Comparison
 from furcl.cli.bench import app
 from furcl.errors import BenchError
@@ -85,7 +85,7 @@ def test_every_parameter_of_a_model_is_on_its_page(tmp_path, monkeypatch, model)
             self.row(quantity, "R")
 
     monkeypatch.setattr(Comparison, "add", nothing_found)
-    monkeypatch.setattr(stability, "OWN_ROWS", {})
+    monkeypatch.setattr(stability_steps, "OWN_ROWS", {})
     subject = stability_subjects.find(model)
     stability.run(tmp_path, n_points=1, renders=False, subject=subject)
     page = write_report(tmp_path).read_text()
