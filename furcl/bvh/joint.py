@@ -24,7 +24,7 @@ from furcl.device.layout import (
     block_bytes,
 )
 
-#: Subtrees at most. A hundred gain half of what a thousand do, and four thousand no more.
+#: Subtrees at most; more change little (docs/notebook.md).
 SUBTREES = 1 << 10
 
 Blocks = NDArray[np.uint32]
@@ -56,7 +56,7 @@ class Subtree:
 
 def open_largest(read: Read, trees: Sequence[tuple[int, int]], n: int) -> list[Subtree]:
     """About `n` subtrees that hold all of some trees: those with the largest boxes are opened, as
-    long as their lanes are subtrees in boxes. None if a root has capsules, which do not tell its
+    long as their lanes are subtrees in boxes. Empty if a root has capsules, which do not tell its
     box: it is a small tree.
 
     Parameters
