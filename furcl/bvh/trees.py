@@ -92,7 +92,7 @@ class TreeBuilder:
         triangles_size = 0
         if self._triangles is not None:
             roots[0, BLOCK_ORIGIN] = self.end
-            triangles_size = self._build_triangles(*self._triangles)
+            triangles_size = self._build_triangles(*self._triangles).stack_size
             stack_size = 1 + triangles_size
         first = self.end  # of the groom's blocks
         for piece in range(max(self.motion, 1)):
@@ -110,15 +110,15 @@ class TreeBuilder:
             write_at(self._memory, self.blocks, roots, 0)
         return stack_size
 
-    def _build_triangles(self, corners: NDArray[np.float32], on_device: cl.Buffer) -> int:
-        """Build the tree over the triangles; its stack size."""
+    def _build_triangles(self, corners: NDArray[np.float32], on_device: cl.Buffer) -> Root:
+        """Build a tree over triangles."""
         size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
         with self._memory.scratch() as scratch:
             builder = ChunkBuilder(scratch, on_device, True, size, len(corners), triangles=True)
             root = builder.plan(np.arange(0, 3 * len(corners), 3, dtype=np.uint32))
             self._write(builder, root, BLOCK_BYTES * (self.end + root.n_blocks))
             self._memory.device.queue.finish()
-        return root.stack_size
+        return root
 
     def _join(self, trees: list[tuple[int, int]]) -> tuple[int, int]:
         """Build the top over trees, of each its root and stack size; its root and stack size.
@@ -133,12 +133,7 @@ class TreeBuilder:
             return NO_BLOCK, 0
         corners, first = corners_of(subtrees), self.end
         with self._memory.scratch() as scratch:
-            on_device = upload_corners(scratch, corners)
-            size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-            builder = ChunkBuilder(scratch, on_device, True, size, len(corners), triangles=True)
-            root = builder.plan(np.arange(0, 3 * len(corners), 3, dtype=np.uint32))
-            self._write(builder, root, BLOCK_BYTES * (self.end + root.n_blocks))
-            self._memory.device.queue.finish()
+            root = self._build_triangles(corners, upload_corners(scratch, corners))
         blocks = read(first, root.n_blocks)
         stack_size = hang(blocks, first, subtrees)
         if stack_size > BVH_STACK_SIZE:
