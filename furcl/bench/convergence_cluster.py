@@ -6,11 +6,9 @@ alike, and a ratio of their times is of one machine.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from furcl.bench.convergence_counter import Counter, StoppedError
 from furcl.bench.convergence_renderers import Facts, Render, Rendered, Renderers
@@ -31,14 +29,6 @@ class _Work:
 
     job: Job
     grown: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Made:
-    """Renderers, and the folder of their files, which lasts as long."""
-
-    renderers: Renderers
-    folder: tempfile.TemporaryDirectory[str]
 
 
 @dataclass(frozen=True)
@@ -129,12 +119,10 @@ class Cluster:
 
 
 def _renderers(device: Device, work: _Work) -> Renderers:
-    def make() -> _Made:
-        folder = tempfile.TemporaryDirectory()
-        scene = work.job.scene(Path(folder.name))
-        return _Made(Renderers(scene, work.job.grooms, device, work.grown), folder)
+    def make(scene: Scene) -> Renderers:
+        return Renderers(scene, work.job.grooms, device, work.grown)
 
-    return made(work.job.key, make).renderers
+    return made(work.job, make)
 
 
 def _facts(device: Device, work: _Work, variant: Variant) -> Facts:

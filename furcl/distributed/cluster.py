@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 from contextlib import closing
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from furcl.device.choice import Device
@@ -34,23 +31,13 @@ class _Work:
     wave_size: int | None
 
 
-@dataclass(frozen=True, eq=False)
-class _Made:
-    """A renderer, and the folder of its files, which lasts as long."""
-
-    renderer: Renderer
-    folder: tempfile.TemporaryDirectory[str]
-
-
-def _make(device: Device, work: _Work) -> _Made:
-    folder = tempfile.TemporaryDirectory()
-    scene = work.job.scene(Path(folder.name))
-    return _Made(Renderer(scene, device, work.wave_size, curves=work.job.grooms), folder)
-
-
 def _task(device: Device, work: _Work, part: Part) -> Image:
     """A part, on a worker."""
-    return render_part(made(work.job.key, partial(_make, device, work)).renderer, part)
+
+    def make(scene: Scene) -> Renderer:
+        return Renderer(scene, device, work.wave_size, curves=work.job.grooms)
+
+    return render_part(made(work.job, make), part)
 
 
 def render(

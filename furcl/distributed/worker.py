@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import socket
+import tempfile
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 from furcl.device.choice import Device, open_device
+from furcl.distributed.job import Job
 from furcl.errors import DeviceError
+from furcl.scene.tables import Scene
 
 T = TypeVar("T")
 
@@ -63,6 +67,7 @@ class _Process:
         self._devices: dict[str | None, Device] = {}
         self._key = ""
         self._made: Any = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     def device(self, spec: str | None) -> Device:
         """The device that a text names, opened once."""
@@ -70,11 +75,13 @@ class _Process:
             self._devices[spec] = open_device(spec)
         return self._devices[spec]
 
-    def made(self, key: str, make: Callable[[], T]) -> T:
-        """What `make` made when it was called for this key, unless another one came since."""
-        if self._made is None or self._key != key:
-            self._made = None  # its memory is needed
-            self._made, self._key = make(), key
+    def made(self, job: Job, make: Callable[[Scene], T]) -> T:
+        """What `make` made of a job's scene when it was called for this job, unless another one
+        came since. The scene's files last as long."""
+        if self._made is None or self._key != job.key:
+            self._made = self._folder = None  # its memory is needed
+            self._folder = tempfile.TemporaryDirectory()
+            self._made, self._key = make(job.scene(Path(self._folder.name))), job.key
         return self._made
 
 
