@@ -22,13 +22,13 @@ __kernel void generate(
     )
 {
     const Paths paths = {state, wave.n_slots};
-    for (uint first = 0; first < FURCL_PATHS_PER_ITEM && queue_entry(first) < wave.n_paths;
-         first += FURCL_LANES) {
+    const Entries entries = entries_of_item(wave.n_paths);
+    for (uint first = entries.begin; first < entries.end; first += FURCL_LANES) {
         /* Numbers in lanes; lanes beyond the last path repeat it. */
         PixelSample of_lane[FURCL_LANES];
         UintLanes pixel, sample;
         for (uint k = 0; k < FURCL_LANES; k++) {
-            const uint slot = min(queue_entry(first + k), wave.n_paths - 1u);
+            const uint slot = min(first + k, entries.end - 1u);
 #if FURCL_PLANNED
             of_lane[k] = planned_sample(plan, &wave, slot);
 #else
@@ -41,9 +41,9 @@ __kernel void generate(
 #if FURCL_MOTION || FURCL_CAMERA_MOTION
         const Lanes4 parts = path_number_lanes(&wave, pixel, sample, DIM_TIME);
 #endif
-        const uint n = lanes_in_queue(first, wave.n_paths);
+        const uint n = lanes_in_use(first, entries);
         for (uint k = 0; k < n; k++) {
-            const uint slot = queue_entry(first + k);
+            const uint slot = first + k;
 #if FURCL_PLANNED
             set_path_uint(paths, PS_PIXEL, slot, of_lane[k].index);
             set_path_uint(paths, PS_SAMPLE, slot, of_lane[k].sample);

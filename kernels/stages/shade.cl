@@ -146,7 +146,7 @@ __kernel void shade(
 #endif
     )
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS + queue];
+    const Entries entries = entries_of_item(counts[FURCL_COUNT_HITS + queue]);
     const Paths paths = {state, wave.n_slots};
     __global const uint* hit_queue = hit_queues + (size_t)queue * wave.n_slots;
     Fibre fibre = fibre_of(material);
@@ -158,10 +158,9 @@ __kernel void shade(
 #endif
     Appended next, shadows;
     next.n = shadows.n = 0u;
-    fetch_vertices_early(paths, hit_queue, n_hits, vertices);
-    for (uint first = 0; first < FURCL_PATHS_PER_ITEM && queue_entry(first) < n_hits;
-         first += FURCL_LANES) {
-        const FibreHits hits = fibre_hits_from(first, paths, hit_queue, n_hits, &wave,
+    fetch_vertices_early(paths, hit_queue, entries, vertices);
+    for (uint first = entries.begin; first < entries.end; first += FURCL_LANES) {
+        const FibreHits hits = fibre_hits_from(first, paths, hit_queue, entries, &wave,
                                                bounce_dimension(depth, DIM_DIRECTION), vertices);
 #if FURCL_LIGHT_SAMPLING
         const Lanes4 light_xi = path_number_lanes(&wave, hits.pixel, hits.sample,
@@ -176,7 +175,7 @@ __kernel void shade(
         if (needed)
             ending_xi = path_number_lanes(&wave, hits.pixel, hits.sample,
                                           bounce_dimension(depth, DIM_ROULETTE));
-        const uint n = lanes_in_queue(first, n_hits);
+        const uint n = lanes_in_use(first, entries);
         for (uint k = 0; k < n; k++) {
             const uint slot = hits.slot[k];
 #if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND

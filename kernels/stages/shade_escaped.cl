@@ -21,10 +21,10 @@ __kernel void shade_escaped(
 #endif
     )
 {
-    const uint n_misses = counts[FURCL_COUNT_MISSES];
+    const Entries entries = entries_of_item(counts[FURCL_COUNT_MISSES]);
     const Paths paths = {state, wave.n_slots};
-    for (uint k = 0; k < FURCL_PATHS_PER_ITEM && queue_entry(k) < n_misses; k++) {
-        const uint slot = queued_slot(paths, miss_queue, queue_entry(k));
+    for (uint entry = entries.begin; entry < entries.end; entry++) {
+        const uint slot = queued_slot(paths, miss_queue, entry);
         const float3 direction = path_float3(paths, PS_DIR, slot);
         const float3 origin = path_float3(paths, PS_ORIGIN, slot);
         float pdf = 0.0f;

@@ -96,7 +96,7 @@ __kernel void shade_surface(
 #endif
     )
 {
-    const uint n_hits = counts[FURCL_COUNT_HITS + FURCL_FIBRES];
+    const Entries entries = entries_of_item(counts[FURCL_COUNT_HITS + FURCL_FIBRES]);
     const Paths paths = {state, wave.n_slots};
     __global const uint* hit_queue = hit_queues + (size_t)FURCL_FIBRES * wave.n_slots;
 #if FURCL_LEARNING
@@ -104,8 +104,8 @@ __kernel void shade_surface(
 #endif
     Appended next, shadows;
     next.n = shadows.n = 0u;
-    for (uint k = 0; k < FURCL_PATHS_PER_ITEM && queue_entry(k) < n_hits; k++) {
-        const uint slot = queued_slot(paths, hit_queue, queue_entry(k));
+    for (uint entry = entries.begin; entry < entries.end; entry++) {
+        const uint slot = queued_slot(paths, hit_queue, entry);
         const PixelSample p = pixel_of_slot(paths, &wave, slot);
         const float3 origin = path_float3(paths, PS_ORIGIN, slot);
         const float3 direction = path_float3(paths, PS_DIR, slot);
