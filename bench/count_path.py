@@ -42,6 +42,7 @@ UTILITIES = (
             "spectrum",
             "lanes",
             "queue_lanes",
+            "shares",
             "rng",
             "path_numbers",
             "sobol",

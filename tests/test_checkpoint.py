@@ -124,7 +124,7 @@ def kept(device, tmp_path_factory):
     ("change", "options", "said"),
     [
         ({}, {"seed": 3}, "seed was 0, is 3"),
-        ({}, {"spp": 7}, "holds 7.8125 samples a pixel, 7 are asked for"),
+        ({}, {"spp": 7}, "holds 7.5 samples a pixel, 7 are asked for"),
         ({}, {"sampling": "uniform-h"}, "sampling was full-cdf, is uniform-h"),
         ({}, {"target_rmse": 0.1}, "target"),
         ({"size": (16, 24)}, {}, "another scene; size was [24, 16], is [16, 24]"),

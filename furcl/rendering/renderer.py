@@ -345,7 +345,8 @@ class Renderer:
         if learning:
             end = learning.end_of_wave(self.paths_done, end)
             wave["recording"] = self.paths_done < learning.recorded
-        n_paths = min(self.wave_size.paths, end - self.paths_done)
+        left = end - self.paths_done  # for waves of one size: a small one takes too long
+        n_paths = -(-left // -(-left // self.wave_size.paths))
         if self.plan:
             return wave, self.plan.cut(wave, n_paths, spp)
         before = self.first_sample * self.n_pixels + self.paths_done

@@ -41,8 +41,7 @@ __kernel void sample_lobe_h(
     for (uint first = entries.begin; first < entries.end; first += FURCL_LANES) {
         const FibreHits hits = fibre_hits_from(first, paths, hit_queue, entries, &wave,
                                                bounce_dimension(depth, DIM_LOBE), vertices);
-        const uint n = lanes_in_use(first, entries);
-        for (uint k = 0; k < n; k++) {
+        for (uint k = 0; k < lanes_in_use(first, entries); k++) {
             const uint slot = hits.slot[k];
 #if FURCL_ABSORPTION >= FURCL_ABSORPTION_STRAND
             take_absorption(&fibre, values, paths, slot);
