@@ -4,6 +4,8 @@ start, features and medulla_tables.json.
 
 from __future__ import annotations
 
+from typing import Any
+
 from tables import circumstances, driver, load, runs, table
 
 LARGE = "start_large/results.json"
@@ -22,12 +24,19 @@ def end_to_end() -> str:
             f"{row['intersect_mrays_s']:.2f}",
             f"{row['end_to_end']:.0%}",
             f"{row['launch_overhead']:.1%}",
+            _cores(row, found),
         ]
         for found in runs("stages")
         for row in found["scenes"]
     ]
     columns = ["device", "scene", "picture", "M paths/s", "M rays/s"]
-    return table([*columns, "intersect alone, M rays/s", "end to end", "no kernel runs"], rows)
+    columns += ["intersect alone, M rays/s", "end to end", "no kernel runs", "cores busy"]
+    return table(columns, rows)
+
+
+def _cores(row: dict[str, Any], found: dict[str, Any]) -> str:
+    busy = row.get("cores_busy")
+    return "" if busy is None else f"{busy:.2f} of {found['machine']['cores']}"
 
 
 def stages() -> str:

@@ -61,6 +61,7 @@ def test_every_stage_is_timed_and_counted(device, scene, results):
         assert rows["generate"]["launches"] == rows["add_to_film"]["launches"] == 2
         assert (found["wave_size"], found["wave_size_from"]) == (1000, "asked for")
         assert 0.0 < found["launch_overhead"] < 1.0
+        assert (found["cores_busy"] is not None) == device.is_cpu
 
 
 class FakeRenderer:
@@ -71,6 +72,7 @@ class FakeRenderer:
         self.hits = self.surface_hits = self.misses = 100
         self.wavefront = SimpleNamespace(events={"left over": []}, keep_events=False)
         self.setup = SimpleNamespace(learning=None)
+        self.device = SimpleNamespace(is_cpu=True)
 
     def advance(self, spp):
         self.paths_done += 1_000_000 * spp
@@ -89,8 +91,9 @@ class FakeRenderer:
 
 
 def test_shares_and_rates_by_hand(monkeypatch):
-    clock = iter([100.0, 104.0])
-    monkeypatch.setattr(stages, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    clock, cpu = iter([100.0, 104.0]), iter([3.0, 9.0])
+    clocks = {"perf_counter": lambda: next(clock), "process_time": lambda: next(cpu)}
+    monkeypatch.setattr(stages, "time", SimpleNamespace(**clocks))
     found = stages.timed_round(cast(Any, FakeRenderer()), 2)
     rows = {row["stage"]: row for row in found["stages"]}
     assert (found["paths"], found["rays"], found["closest_rays"]) == (2e6, 1e7, 6e6)
@@ -105,6 +108,7 @@ def test_shares_and_rates_by_hand(monkeypatch):
     assert (found["mrays_s"], found["mpaths_s"]) == pytest.approx((2.5, 0.5))
     assert found["intersect_mrays_s"] == pytest.approx(10.0 / 3.0)
     assert found["end_to_end"] == pytest.approx(0.75)
+    assert found["cores_busy"] == pytest.approx(1.5)
 
 
 def test_wave_sizes_are_compared_with_the_first(device, scene, tmp_path):

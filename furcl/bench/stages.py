@@ -78,7 +78,8 @@ def measure(
             items a second, `wall_seconds`;
             `launch_overhead`: share of the wall time in which no kernel runs; `mrays_s`,
             `mpaths_s` of the render; `intersect_mrays_s`: the same rays over the time of the
-            intersect kernels alone; `end_to_end`: the first over the second
+            intersect kernels alone; `end_to_end`: the first over the second; `cores_busy`:
+            processor seconds of this process over wall seconds, None on GPUs
     """
     renderer = Renderer(scene, device, wave_size)
     renderer.advance(1)
@@ -117,9 +118,9 @@ def timed_round(renderer: Renderer, spp: int) -> dict[str, Any]:
     wavefront, before = renderer.wavefront, _counts(renderer)
     wavefront.events.clear()
     wavefront.keep_events = True
-    start = time.perf_counter()
+    start, cpu = time.perf_counter(), time.process_time()
     renderer.advance(spp)
-    wall = time.perf_counter() - start
+    wall, cpu = time.perf_counter() - start, time.process_time() - cpu
     counted = {name: number - before[name] for name, number in _counts(renderer).items()}
     stages = _stage_rows(wavefront.events, counted)
     tracing = sum(row["ms"] for row in stages if row["stage"] in RAY_STAGES) / 1e3
@@ -131,6 +132,7 @@ def timed_round(renderer: Renderer, spp: int) -> dict[str, Any]:
         "mpaths_s": counted["paths"] / wall / 1e6,
         "intersect_mrays_s": counted["rays"] / tracing / 1e6,
         "end_to_end": tracing / wall,
+        "cores_busy": cpu / wall if renderer.device.is_cpu else None,
         "stages": stages,
     }
 

@@ -41,7 +41,11 @@ def stages(
         print_table(columns, [[row[key] for key in keys] for row in scene["stages"]])
     keys = ["scene", "mpaths_s", "mrays_s", "intersect_mrays_s", "end_to_end", "launch_overhead"]
     columns = ["scene", "M paths/s", "M rays/s", "intersect alone", "end to end", "launches"]
-    print_table(columns, [[scene[key] for key in keys] for scene in results["scenes"]])
+    rows = [[scene[key] for key in keys] for scene in results["scenes"]]
+    if results["scenes"][0]["cores_busy"] is not None:
+        columns.append("cores busy")
+        rows = [[*r, s["cores_busy"]] for r, s in zip(rows, results["scenes"], strict=True)]
+    print_table(columns, rows)
 
 
 def waves(
