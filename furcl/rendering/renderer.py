@@ -345,7 +345,7 @@ class Renderer:
         if learning:
             end = learning.end_of_wave(self.paths_done, end)
             wave["recording"] = self.paths_done < learning.recorded
-        left = end - self.paths_done  # for waves of one size: a small one takes too long
+        left = end - self.paths_done  # for waves of one size: small ones take long for what they do
         n_paths = -(-left // -(-left // self.wave_size.paths))
         if self.plan:
             return wave, self.plan.cut(wave, n_paths, spp)

@@ -11,10 +11,10 @@ from furcl.errors import ResourceError
 from furcl.rendering.learning import RECORDS
 from furcl.values import is_whole, shown
 
-# Larger waves leave CPUs idle for less of the time, a few percent from 2^15 on, and PoCL compiles
-# kernels again for grids of 2^16 work-items, which are whole groups of 64. A GPU needs enough paths
-# to fill it: an H200 is 1.4 to 1.6 times as fast with 2^22 as with 2^20. docs/notebook.md has both
-# measurements.
+# Larger waves leave CPUs idle for less of the time, a few percent from 2^15 on; but PoCL compiles
+# kernels again for grids of 2^16 work-items, and grids are whole groups of 64. A GPU needs enough
+# paths to fill it: an H200 is 1.4 to 1.6 times as fast with 2^22 as with 2^20. docs/notebook.md has
+# both measurements.
 DEFAULT_CPU = (1 << 16) - 64
 DEFAULT_GPU = 1 << 22
 
