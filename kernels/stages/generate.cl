@@ -23,12 +23,12 @@ __kernel void generate(
 {
     const Paths paths = {state, wave.n_slots};
     const Entries entries = entries_of_item(wave.n_paths);
-    for (uint first = entries.begin; first < entries.end; first += FURCL_LANES) {
+    for (uint first = 0; first < FURCL_PATHS_PER_ITEM && first < entries.n; first += FURCL_LANES) {
         /* Numbers in lanes; lanes beyond the last path repeat it. */
         PixelSample of_lane[FURCL_LANES];
         UintLanes pixel, sample;
         for (uint k = 0; k < FURCL_LANES; k++) {
-            const uint slot = min(first + k, entries.end - 1u);
+            const uint slot = entries.begin + min(first + k, entries.n - 1u);
 #if FURCL_PLANNED
             of_lane[k] = planned_sample(plan, &wave, slot);
 #else
@@ -43,7 +43,7 @@ __kernel void generate(
 #endif
         const uint n = lanes_in_use(first, entries);
         for (uint k = 0; k < n; k++) {
-            const uint slot = first + k;
+            const uint slot = entries.begin + first + k;
 #if FURCL_PLANNED
             set_path_uint(paths, PS_PIXEL, slot, of_lane[k].index);
             set_path_uint(paths, PS_SAMPLE, slot, of_lane[k].sample);

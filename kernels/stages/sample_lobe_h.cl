@@ -38,7 +38,7 @@ __kernel void sample_lobe_h(
     for (uint p = 0; p < FURCL_LOBES; p++) chosen_times[p] = 0u;
 #endif
     fetch_vertices_early(paths, hit_queue, entries, vertices);
-    for (uint first = entries.begin; first < entries.end; first += FURCL_LANES) {
+    for (uint first = 0; first < FURCL_PATHS_PER_ITEM && first < entries.n; first += FURCL_LANES) {
         const FibreHits hits = fibre_hits_from(first, paths, hit_queue, entries, &wave,
                                                bounce_dimension(depth, DIM_LOBE), vertices);
         for (uint k = 0; k < lanes_in_use(first, entries); k++) {

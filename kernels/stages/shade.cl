@@ -159,7 +159,7 @@ __kernel void shade(
     Appended next, shadows;
     next.n = shadows.n = 0u;
     fetch_vertices_early(paths, hit_queue, entries, vertices);
-    for (uint first = entries.begin; first < entries.end; first += FURCL_LANES) {
+    for (uint first = 0; first < FURCL_PATHS_PER_ITEM && first < entries.n; first += FURCL_LANES) {
         const FibreHits hits = fibre_hits_from(first, paths, hit_queue, entries, &wave,
                                                bounce_dimension(depth, DIM_DIRECTION), vertices);
 #if FURCL_LIGHT_SAMPLING

@@ -23,8 +23,8 @@ __kernel void shade_escaped(
 {
     const Entries entries = entries_of_item(counts[FURCL_COUNT_MISSES]);
     const Paths paths = {state, wave.n_slots};
-    for (uint entry = entries.begin; entry < entries.end; entry++) {
-        const uint slot = queued_slot(paths, miss_queue, entry);
+    for (uint k = 0; k < FURCL_PATHS_PER_ITEM && k < entries.n; k++) {
+        const uint slot = queued_slot(paths, miss_queue, entries.begin + k);
         const float3 direction = path_float3(paths, PS_DIR, slot);
         const float3 origin = path_float3(paths, PS_ORIGIN, slot);
         float pdf = 0.0f;

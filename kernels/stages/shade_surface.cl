@@ -104,8 +104,8 @@ __kernel void shade_surface(
 #endif
     Appended next, shadows;
     next.n = shadows.n = 0u;
-    for (uint entry = entries.begin; entry < entries.end; entry++) {
-        const uint slot = queued_slot(paths, hit_queue, entry);
+    for (uint k = 0; k < FURCL_PATHS_PER_ITEM && k < entries.n; k++) {
+        const uint slot = queued_slot(paths, hit_queue, entries.begin + k);
         const PixelSample p = pixel_of_slot(paths, &wave, slot);
         const float3 origin = path_float3(paths, PS_ORIGIN, slot);
         const float3 direction = path_float3(paths, PS_DIR, slot);
