@@ -41,8 +41,7 @@ __kernel void generate(
 #if FURCL_MOTION || FURCL_CAMERA_MOTION
         const Lanes4 parts = path_number_lanes(&wave, pixel, sample, DIM_TIME);
 #endif
-        const uint n = lanes_in_use(first, entries);
-        for (uint k = 0; k < n; k++) {
+        for (uint k = 0; k < lanes_in_use(first, entries); k++) {
             const uint slot = entries.begin + first + k;
 #if FURCL_PLANNED
             set_path_uint(paths, PS_PIXEL, slot, of_lane[k].index);
