@@ -39,13 +39,11 @@ def stages(
     for scene in results["scenes"]:
         print(f"{scene['scene']}: waves of {scene['wave_size']} ({scene['wave_size_from']})")
         print_table(columns, [[row[key] for key in keys] for row in scene["stages"]])
-    keys = ["scene", "mpaths_s", "mrays_s", "intersect_mrays_s", "end_to_end", "launch_overhead"]
-    columns = ["scene", "M paths/s", "M rays/s", "intersect alone", "end to end", "launches"]
-    rows = [[scene[key] for key in keys] for scene in results["scenes"]]
-    if results["scenes"][0]["cores_busy"] is not None:
-        columns.append("cores busy")
-        rows = [[*r, s["cores_busy"]] for r, s in zip(rows, results["scenes"], strict=True)]
-    print_table(columns, rows)
+    keys = ["scene", "mpaths_s", "mrays_s", "intersect_mrays_s"]
+    keys += ["end_to_end", "launch_overhead", "cores_busy"]
+    columns = ["scene", "M paths/s", "M rays/s", "intersect alone"]
+    columns += ["end to end", "launches", "cores busy"]
+    print_table(columns, [[scene[key] for key in keys] for scene in results["scenes"]])
 
 
 def waves(
